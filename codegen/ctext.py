@@ -1,0 +1,15 @@
+"""The hand-written C that every kernel contains."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+
+
+def abi_header() -> str:
+    """Text of kernel_abi.h."""
+    return files("codegen").joinpath("kernel_abi.h").read_text()
+
+
+def driver_source() -> str:
+    """Text of the cell driver, driver.c."""
+    return files("codegen").joinpath("driver.c").read_text()

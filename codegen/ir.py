@@ -1,0 +1,56 @@
+"""Typed records that the stages after tracing hand to each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+SymExpr = Any  # a sympy expression; sympy itself is imported only where expressions are worked on
+
+LEVELS = ("energy", "gradient", "tangent")
+
+
+@dataclass(frozen=True)
+class DerivedEnergy:
+    """Energy, gradient and upper triangle of the Hessian as sympy expressions in F, G, J and the parameters.
+
+    ``gradient[a]`` is ``d psi / d x_a`` and ``hessian[n]`` belongs to the pair ``ordering.UPPER_TRIANGLE[n]``.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    energy: SymExpr
+    gradient: tuple[SymExpr, ...]
+    hessian: tuple[SymExpr, ...]
+    uses_second_gradient: bool
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """``const double <target> = <value>;`` in the generated code."""
+
+    target: str
+    value: SymExpr
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Straight-line program of one level: temporaries first, then the outputs that are not identically zero."""
+
+    level: str
+    temporaries: tuple[Assignment, ...]
+    outputs: tuple[Assignment, ...]
+    operations_before: int
+    operations: int
+
+
+@dataclass(frozen=True)
+class KernelSource:
+    """The generated C translation unit and what is worth knowing about it."""
+
+    name: str
+    parameters: tuple[str, ...]
+    c_source: str
+    uses_second_gradient: bool
+    operations: dict[str, int]
+    operations_before: dict[str, int]

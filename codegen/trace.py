@@ -1,0 +1,249 @@
+"""Stage 1: run a density on recording scalars and keep what it did as a directed acyclic graph.
+
+The recorder is deliberately small and independent of sympy: it costs a millisecond, so the cache key of a kernel can
+be made from what the density really computes instead of from its source text, and errors can name the density and say
+what to write instead.
+
+Input: a Python function ``density(F, G, p, m)``. Output: :class:`TracedEnergy`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+from codegen.errors import CodegenError
+from codegen.ordering import F_INDICES, F_NAMES, G_INDICES, G_NAMES
+
+UNARY_FUNCTIONS = ("exp", "log", "sqrt", "sin", "cos", "atan")
+BINARY_FUNCTIONS = ("atan2",)
+
+Density = Callable[[Any, Any, Any, Any], Any]
+
+
+@dataclass(frozen=True)
+class Node:
+    """One operation: ``op`` is an operator, a function name, 'const', 'variable' or 'parameter'."""
+
+    op: str
+    args: tuple[int, ...] = ()
+    value: float | str | None = None
+
+
+@dataclass(frozen=True)
+class TracedEnergy:
+    """What a density computes: nodes in order of evaluation, the last step being node ``result``."""
+
+    name: str
+    parameters: tuple[str, ...]
+    nodes: tuple[Node, ...]
+    result: int
+    uses_second_gradient: bool
+
+    def fingerprint(self) -> str:
+        """SHA-256 of everything that the generated code depends on."""
+        text = repr((self.name, self.parameters, self.nodes, self.result))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+class Recorder:
+    """Collects nodes; equal operations on equal arguments are recorded once."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.nodes: list[Node] = []
+        self._index: dict[Node, int] = {}
+
+    def add(self, op: str, args: tuple[int, ...] = (), value: float | str | None = None) -> TracedScalar:
+        node = Node(op, args, value)
+        if node not in self._index:
+            self._index[node] = len(self.nodes)
+            self.nodes.append(node)
+        return TracedScalar(self, self._index[node])
+
+    def scalar(self, value: Any) -> TracedScalar:
+        """The recorded form of a number or of a scalar that this recorder made."""
+        if isinstance(value, TracedScalar):
+            return value
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            return self.add("const", value=float(value))
+        try:
+            return self.add("const", value=float(value))  # numpy scalars and the like
+        except (TypeError, ValueError):
+            self.fail(f"cannot compute with a {type(value).__name__}; use numbers, F, G, p and the functions of m")
+
+    def fail(self, message: str) -> NoReturn:
+        raise CodegenError(f"energy '{self.name}': {message}")
+
+
+class TracedScalar:
+    """A scalar whose arithmetic is recorded."""
+
+    __slots__ = ("index", "recorder")
+    __array_ufunc__ = None  # numpy scalars defer to the reflected operators below
+
+    def __init__(self, recorder: Recorder, index: int) -> None:
+        self.recorder = recorder
+        self.index = index
+
+    def _binary(self, op: str, left: Any, right: Any) -> TracedScalar:
+        return self.recorder.add(op, (self.recorder.scalar(left).index, self.recorder.scalar(right).index))
+
+    def __add__(self, other: Any) -> TracedScalar:
+        return self._binary("+", self, other)
+
+    def __radd__(self, other: Any) -> TracedScalar:
+        return self._binary("+", other, self)
+
+    def __sub__(self, other: Any) -> TracedScalar:
+        return self._binary("-", self, other)
+
+    def __rsub__(self, other: Any) -> TracedScalar:
+        return self._binary("-", other, self)
+
+    def __mul__(self, other: Any) -> TracedScalar:
+        return self._binary("*", self, other)
+
+    def __rmul__(self, other: Any) -> TracedScalar:
+        return self._binary("*", other, self)
+
+    def __truediv__(self, other: Any) -> TracedScalar:
+        return self._binary("/", self, other)
+
+    def __rtruediv__(self, other: Any) -> TracedScalar:
+        return self._binary("/", other, self)
+
+    def __pow__(self, exponent: Any) -> TracedScalar:
+        if isinstance(exponent, TracedScalar) and self.recorder.nodes[exponent.index].op != "const":
+            self.recorder.fail("the exponent of ** must be a number; write m.exp(b * m.log(a)) for a**b")
+        return self._binary("**", self, exponent)
+
+    def __rpow__(self, base: Any) -> TracedScalar:
+        self.recorder.fail("the exponent of ** must be a number; write m.exp(b * m.log(a)) for a**b")
+
+    def __neg__(self) -> TracedScalar:
+        return self.recorder.add("neg", (self.index,))
+
+    def __pos__(self) -> TracedScalar:
+        return self
+
+    def _no_branch(self, *_: Any) -> NoReturn:
+        self.recorder.fail(
+            "'if', 'abs', 'min', 'max' or a comparison on a value that is only known at run time; "
+            "write a smooth expression instead, for example m.sqrt(x * x + eps) for abs(x)"
+        )
+
+    __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __abs__ = _no_branch
+
+    def _no_number(self) -> NoReturn:
+        self.recorder.fail("math and numpy functions need numbers; use those of m: m.exp, m.log, m.sqrt, ...")
+
+    __float__ = __int__ = __index__ = __complex__ = _no_number
+
+
+class MathNamespace:
+    """The ``m`` of a density while it is being traced."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+
+    def __getattr__(self, name: str) -> Callable[..., TracedScalar]:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        recorder = self._recorder
+        arity = 1 if name in UNARY_FUNCTIONS else 2 if name in BINARY_FUNCTIONS else 0
+        if not arity:
+            known = ", ".join(f"m.{f}" for f in (*UNARY_FUNCTIONS, *BINARY_FUNCTIONS))
+            recorder.fail(f"unknown function m.{name}; known are {known}")
+
+        def record(*args: Any) -> TracedScalar:
+            if len(args) != arity:
+                recorder.fail(f"m.{name} takes {arity} argument{'s' if arity > 1 else ''}, got {len(args)}")
+            return recorder.add(name, tuple(recorder.scalar(a).index for a in args))
+
+        return record
+
+
+class ParameterNamespace:
+    """The ``p`` of a density while it is being traced: only declared names exist."""
+
+    def __init__(self, recorder: Recorder, names: Sequence[str]) -> None:
+        self._recorder = recorder
+        self._names = tuple(names)
+
+    def __getattr__(self, name: str) -> TracedScalar:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        if name not in self._names:
+            declared = ", ".join(self._names) or "none"
+            self._recorder.fail(f"parameter p.{name} is not declared (declared: {declared}); add its name")
+        return self._recorder.add("parameter", value=name)
+
+
+def trace(density: Density, name: str, parameters: Sequence[str]) -> TracedEnergy:
+    """Record what ``density`` computes.
+
+    Args:
+        density: ``density(F, G, p, m) -> scalar``; ``F[i][j]`` and ``G[i][j][k]`` are indexed from 0.
+        name: name of the energy, used in messages and in the generated code.
+        parameters: names that may be read from ``p``, in the order in which the kernel takes their values.
+
+    Raises:
+        CodegenError: the density branches on a value, uses an unknown function or an undeclared parameter, does not
+            depend on F or G, or does not return one scalar.
+    """
+    recorder = Recorder(name)
+    F: list[list[Any]] = [[None, None], [None, None]]
+    G: list[list[list[Any]]] = [[[None, None], [None, None]], [[None, None], [None, None]]]
+    for (i, j), f_name in zip(F_INDICES, F_NAMES, strict=True):
+        F[i][j] = recorder.add("variable", value=f_name)
+    for (i, j, k), g_name in zip(G_INDICES, G_NAMES, strict=True):
+        G[i][j][k] = recorder.add("variable", value=g_name)
+
+    try:
+        result = density(F, G, ParameterNamespace(recorder, parameters), MathNamespace(recorder))
+    except CodegenError:
+        raise
+    except Exception as error:  # whatever a user's function raises is reported in its name
+        raise CodegenError(f"energy '{name}': calling it failed with {type(error).__name__}: {error}") from error
+    if not isinstance(result, TracedScalar):
+        recorder.fail(
+            f"it returned {_describe(result)}; return one scalar that depends on F or G"
+            if result is not None
+            else "it returned nothing; end it with 'return psi'"
+        )
+
+    used = _reachable(recorder.nodes, result.index)
+    variables = {str(recorder.nodes[n].value) for n in used if recorder.nodes[n].op == "variable"}
+    if not variables:
+        recorder.fail("it depends on neither F nor G, so it has no stress; return an energy of the deformation")
+    nodes, index = _compact(recorder.nodes, used)
+    return TracedEnergy(
+        name=name,
+        parameters=tuple(parameters),
+        nodes=nodes,
+        result=index[result.index],
+        uses_second_gradient=any(variable.startswith("G") for variable in variables),
+    )
+
+
+def _describe(value: Any) -> str:
+    return f"a {type(value).__name__}" if not isinstance(value, (int, float)) else f"the constant {value}"
+
+
+def _reachable(nodes: Sequence[Node], result: int) -> list[int]:
+    seen: set[int] = set()
+    stack = [result]
+    while stack:
+        n = stack.pop()
+        if n not in seen:
+            seen.add(n)
+            stack.extend(nodes[n].args)
+    return sorted(seen)
+
+
+def _compact(nodes: Sequence[Node], used: Sequence[int]) -> tuple[tuple[Node, ...], dict[int, int]]:
+    index = {old: new for new, old in enumerate(used)}
+    return tuple(Node(nodes[n].op, tuple(index[a] for a in nodes[n].args), nodes[n].value) for n in used), index

@@ -1,0 +1,102 @@
+"""Energies by name: which densities exist, their parameters, and how a third medium is composed from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from tmc_vem.energy import densities
+from tmc_vem.energy import kinematics as kin
+from tmc_vem.errors import InputError
+
+Density = Callable[[Any, Any, Any, Any], Any]
+
+
+@dataclass(frozen=True)
+class Energy:
+    """A density with the names of its parameters, in the order in which kernels receive their values."""
+
+    name: str
+    density: Density
+    parameters: tuple[str, ...]
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class Regulariser:
+    """A second-gradient energy psi_r(F, G) and the names of its own parameters (none for those of Table 1)."""
+
+    name: str
+    density: Density
+    equation: str = ""
+    parameters: tuple[str, ...] = ()
+
+
+REGULARISERS: dict[str, Regulariser] = {
+    regulariser.name: regulariser
+    for regulariser in (
+        Regulariser("huhu", densities.huhu, "(6)"),
+        Regulariser("huhu_lulu", densities.huhu_lulu, "(9)"),
+        Regulariser("angle", densities.angle, "(15)"),
+        Regulariser("tangent", densities.tangent, "(16)"),
+    )
+}
+
+
+def get_regulariser(name: str) -> Regulariser:
+    """Regulariser of Table 1 by name.
+
+    Raises:
+        InputError: there is none of that name; the message lists the names.
+    """
+    try:
+        return REGULARISERS[name]
+    except KeyError:
+        raise InputError(f"unknown regulariser '{name}': choose one of {', '.join(REGULARISERS)}") from None
+
+
+def hyperelastic_solid() -> Energy:
+    """Solid (2) with parameters ``K`` and ``mu``."""
+    return Energy("solid", densities.solid, ("K", "mu"), "hyperelastic solid (2)")
+
+
+def energy_name(regulariser: Regulariser, damped: bool) -> str:
+    """Name of the third medium's energy, used for kernels and golden files."""
+    return f"medium_{regulariser.name}{'_damped' if damped else ''}"
+
+
+def third_medium(regulariser: Regulariser, *, damped: bool) -> Energy:
+    """Third medium (4), ``gamma (psi_m + alpha_r psi_r)``; damped: ``psi_r`` times ``exp(-beta J)`` as in (8).
+
+    The factor stands inside the energy, as in the paper's Appendix B, so the tangent is symmetric. ``alpha_r`` has
+    the unit of length squared for the regularisers (6) and (9).
+    """
+
+    def density(F: Any, G: Any, p: Any, m: Any) -> Any:
+        psi_r = regulariser.density(F, G, p, m)
+        if damped:
+            psi_r = m.exp(-p.beta * kin.det(F)) * psi_r
+        return p.gamma * (densities.medium(F, G, p, m) + p.alpha_r * psi_r)
+
+    parameters = ("mu", "gamma", "alpha_r", *(("beta",) if damped else ()), *regulariser.parameters)
+    damping = " with exp(-beta J)" if damped else ""
+    return Energy(
+        energy_name(regulariser, damped),
+        density,
+        parameters,
+        f"third medium (4) with regulariser {regulariser.name} {regulariser.equation}{damping}",
+    )
+
+
+DENSITIES: dict[str, Energy] = {
+    energy.name: energy
+    for energy in (
+        hyperelastic_solid(),
+        *(
+            third_medium(regulariser, damped=damped)
+            for regulariser in REGULARISERS.values()
+            for damped in (False, True)
+        ),
+    )
+}
