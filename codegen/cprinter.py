@@ -40,6 +40,12 @@ class KernelPrinter(C99CodePrinter):  # type: ignore[misc]
     def _print_reciprocal(self, expr: SymExpr) -> str:
         return f"(1.0/({self._print(expr.args[0])}))"
 
+    def _print_log_remainder(self, expr: SymExpr) -> str:
+        return f"log_remainder({', '.join(map(self._print, expr.args))})"
+
+    def _print_exp_remainder(self, expr: SymExpr) -> str:
+        return f"exp_remainder({', '.join(map(self._print, expr.args))})"
+
 
 def c_expression(expression: SymExpr, printer: Any = KernelPrinter()) -> str:  # noqa: B008  (stateless)
     """C99 text of an expression."""

@@ -13,3 +13,8 @@ def abi_header() -> str:
 def driver_source() -> str:
     """Text of the cell driver, driver.c."""
     return files("codegen").joinpath("driver.c").read_text()
+
+
+def point_arithmetic_source() -> str:
+    """Text of the helpers that the point kernels call, pointmath.c."""
+    return files("codegen").joinpath("pointmath.c").read_text()

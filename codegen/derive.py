@@ -9,21 +9,21 @@ Input: :class:`~codegen.trace.TracedEnergy`. Output: :class:`~codegen.ir.Derived
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any
 
 import sympy as sp
 
+from codegen import centre
+from codegen.centre import H11, H22, J_MINUS_1, X_SYMBOLS, J, Value
 from codegen.ir import DerivedEnergy, SymExpr
-from codegen.ordering import F_NAMES, UPPER_TRIANGLE, X_NAMES
+from codegen.ordering import F_NAMES, N_X, X_NAMES
 from codegen.trace import Node, TracedEnergy
 
-X_SYMBOLS = tuple(sp.Symbol(name, real=True) for name in X_NAMES)
 F11, F21, F12, F22 = X_SYMBOLS[: len(F_NAMES)]
-J = sp.Symbol("J", positive=True)
-J_MINUS_1 = sp.Symbol("Jm1", real=True)
 COFACTORS = {F11: F22, F21: -F12, F12: -F21, F22: F11}
+SHIFTED = {F11: H11, F22: H22}  # the same unknown, counted from F = I
 
 _FUNCTIONS: dict[str, Callable[..., SymExpr]] = {
     "+": lambda a, b: a + b,
@@ -41,22 +41,40 @@ _FUNCTIONS: dict[str, Callable[..., SymExpr]] = {
     "atan2": sp.atan2,
 }
 
+_CENTRED: dict[str, Callable[..., Value]] = {
+    "+": centre.add,
+    "-": lambda v, a, b: centre.add(v, a, centre.scale(sp.S.NegativeOne, b)),
+    "*": centre.multiply,
+    "/": lambda v, a, b: centre.multiply(v, a, centre.invert(1 / centre.plain(b), b)),
+    "**": lambda v, a, b: centre.power(v, a, centre.plain(b)),
+    "neg": lambda v, a: centre.scale(sp.S.NegativeOne, a),
+    "exp": centre.exponential,
+    "log": centre.logarithm,
+    "sqrt": centre.square_root,
+}
 
-def to_sympy(traced: TracedEnergy) -> SymExpr:
-    """The energy as a sympy expression in F, G, J and the parameters."""
-    values: list[SymExpr] = []
+
+def to_sympy(traced: TracedEnergy) -> Value:
+    """The energy in F, G, J and the parameters, with its form centred at F = I where there is one."""
+    values: list[Value] = []
     for node in traced.nodes:
-        values.append(_leaf(node) if not node.args else _FUNCTIONS[node.op](*(values[a] for a in node.args)))
-        values[-1] = with_det_as_variable(values[-1])
+        arguments = [values[a] for a in node.args]
+        values.append(_operation(node, arguments) if arguments else _leaf(node))
     return values[traced.result]
 
 
-def _leaf(node: Node) -> SymExpr:
-    if node.op == "const":
-        return exact_constant(float(node.value or 0.0))
+def _operation(node: Node, arguments: Sequence[Value]) -> Value:
+    expression = with_det_as_variable(_FUNCTIONS[node.op](*map(centre.plain, arguments)))
+    if all(isinstance(a, centre.Centred) and a.delta == 0 for a in arguments):
+        return centre.constant(expression)
+    return _CENTRED[node.op](expression, *arguments) if node.op in _CENTRED else expression
+
+
+def _leaf(node: Node) -> Value:
     if node.op == "variable":
-        return X_SYMBOLS[X_NAMES.index(str(node.value))]
-    return parameter_symbol(str(node.value))
+        return centre.variable(X_NAMES.index(str(node.value)))
+    is_number = node.op == "const"
+    return centre.constant(exact_constant(float(node.value or 0.0)) if is_number else parameter_symbol(str(node.value)))
 
 
 def parameter_symbol(name: str) -> SymExpr:
@@ -87,16 +105,36 @@ def with_det_as_variable(expression: SymExpr) -> SymExpr:
 
 
 def differentiate(traced: TracedEnergy) -> DerivedEnergy:
-    """Gradient and Hessian of a traced energy in the order of Appendix C."""
-    energy = to_sympy(traced)
+    """Gradient and Hessian of a traced energy in the order of Appendix C.
 
-    def derivative(expression: SymExpr, x: SymExpr) -> SymExpr:
-        direct = sp.diff(expression, x)
-        return direct + sp.diff(expression, J) * COFACTORS[x] if x in COFACTORS else direct
+    Energy and gradient come from the centred form wherever they vanish at F = I. The Hessian does not vanish there; it
+    comes from the plain form, which is shorter.
+    """
+    value = to_sympy(traced)
+    energy = gradient_source = plain_energy = centre.plain(value)
+    if isinstance(value, centre.Centred) and value.constant == 0:
+        energy = sp.Add(*(coefficient * x for x, coefficient in value.linear.items())) + value.rest
+        gradient_source = energy if not value.linear else plain_energy
 
-    gradient = tuple(derivative(energy, x) for x in X_SYMBOLS)
-    hessian = tuple(derivative(gradient[a], X_SYMBOLS[b]) for a, b in UPPER_TRIANGLE)
+    gradient = tuple(_derivatives(gradient_source, X_SYMBOLS))
+    plain_gradient = gradient if gradient_source is plain_energy else tuple(_derivatives(plain_energy, X_SYMBOLS))
+    rows = [_derivatives(plain_gradient[a], X_SYMBOLS[a:]) for a in range(N_X)]
+    hessian = tuple(entry for row in rows for entry in row)
     return DerivedEnergy(traced.name, traced.parameters, energy, gradient, hessian, traced.uses_second_gradient)
+
+
+def _derivatives(expression: SymExpr, variables: Sequence[SymExpr]) -> list[SymExpr]:
+    """Total derivatives, J = det F included."""
+    by_j = sp.diff(expression, J) + sp.diff(expression, J_MINUS_1)
+    derivatives = []
+    for x in variables:
+        derivative = sp.diff(expression, x)
+        if x in SHIFTED:
+            derivative += sp.diff(expression, SHIFTED[x])
+        if x in COFACTORS:
+            derivative += by_j * COFACTORS[x]
+        derivatives.append(derivative)
+    return derivatives
 
 
 def symbol_names(expression: Any) -> set[str]:

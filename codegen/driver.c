@@ -28,11 +28,6 @@ static void clear_derivatives(point_batch *batch) {
   memset(batch->h, 0, sizeof batch->h);
 }
 
-/* det(I + H) without first rounding F = I + H. */
-static inline double jacobian(double H11, double H21, double H12, double H22) {
-  return 1.0 + ((H11 + H22) + (H11 * H22 - H12 * H21));
-}
-
 static inline void displacement_gradient(int n_rows, int n_basis, int stride, const double *B_ra, const double *u_ai,
                                          double *x) {
   for (int r = 0; r < n_rows; ++r) {
@@ -145,7 +140,7 @@ int64_t tmc_cells(int level, int64_t n_cells, int n_basis, int stride, int n_poi
         displacement_gradient(N_ROWS, n_basis, stride, B_qra + (int64_t)q * N_ALL_ROWS * stride, u_ai, x);
         for (int k = 0; k < N_X; ++k) batch.x[k][v] = x[k];
         const double J = jacobian(x[0], x[1], x[2], x[3]);
-        if (!(J >= min_j)) min_j = J; /* also takes a NaN over */
+        if (!(J >= min_j) && min_j == min_j) min_j = J; /* a NaN is taken over and stays */
       }
       evaluate_points(level, &batch, parameters);
       for (int v = 0; v < n_lanes; ++v) {

@@ -1,7 +1,7 @@
 """Stage 3: turn expressions into straight-line programs with shared subexpressions.
 
 Powers and logarithms of J are reduced to one logarithm and one reciprocal: ``J^(-5/3) = exp(-2/3 L) / J`` with
-``L = log1p(J - 1)``. Entries of the Hessian that vanish identically are left out.
+``L = log(J)``. Entries of the Hessian that vanish identically are left out.
 
 Input: :class:`~codegen.ir.DerivedEnergy`. Output: one :class:`~codegen.ir.Schedule` a level.
 """
@@ -11,16 +11,26 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import sympy as sp
+from sympy.codegen.cfunctions import log1p
 
-from codegen.derive import J_MINUS_1, J
+from codegen.centre import J_MINUS_1, ExpRemainder, J, LogRemainder
 from codegen.ir import LEVELS, Assignment, DerivedEnergy, Schedule, SymExpr
 
 LOG_J = sp.Symbol("logJ", real=True)
+LOG_J_REMAINDER = sp.Symbol("logJr", real=True)  # log(J) - (J - 1)
 INVERSE_J = sp.Symbol("invJ", positive=True)
 
 
 class reciprocal(sp.Function):  # type: ignore[misc]
     """Opaque 1/x, so that equal denominators are shared and negative powers become products."""
+
+
+class log_remainder(sp.Function):  # type: ignore[misc]
+    """The C function of that name: takes d and log(1 + d)."""
+
+
+class exp_remainder(sp.Function):  # type: ignore[misc]
+    """The C function of that name: takes d and exp(d)."""
 
 
 def schedule(derived: DerivedEnergy) -> dict[str, Schedule]:
@@ -63,6 +73,11 @@ def _reduce_node(expression: SymExpr) -> SymExpr:
         return _power(*expression.args)
     if isinstance(expression, sp.log) and expression.args[0] == J:
         return LOG_J
+    if isinstance(expression, LogRemainder):
+        (d,) = expression.args
+        return LOG_J_REMAINDER if d == J_MINUS_1 else log_remainder(d, log1p(d))
+    if isinstance(expression, ExpRemainder):
+        return exp_remainder(expression.args[0], sp.exp(expression.args[0]))
     if isinstance(expression, sp.Add):
         return _with_j_minus_1(expression)
     return expression

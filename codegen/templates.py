@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from codegen.cprinter import c_expression
-from codegen.ctext import abi_header, driver_source
+from codegen.ctext import abi_header, driver_source, point_arithmetic_source
 from codegen.derive import parameter_symbol, symbol_names
 from codegen.ir import LEVELS, DerivedEnergy, KernelSource, Schedule
 from codegen.ordering import F_NAMES, X_NAMES
 
+J_NAMES = {"J", "Jm1", "logJ", "logJr", "invJ"}
 LANES = 8  # quadrature points evaluated at once: one AVX-512 register of doubles
 
 _PREAMBLE = """\
@@ -40,6 +41,7 @@ def kernel_source(derived: DerivedEnergy, schedules: Mapping[str, Schedule], des
         f"enum {{ LANES = {LANES}, N_ROWS = {6 if derived.uses_second_gradient else 2} }};\n",
         abi_header(),
         "const int tmc_n_rows = N_ROWS;\n",
+        point_arithmetic_source(),
         *(_point_kernel(derived, schedules[level]) for level in LEVELS),
         driver_source(),
     ]
@@ -83,30 +85,44 @@ def _point_kernel(derived: DerivedEnergy, schedule: Schedule) -> str:
         head.append("  (void)p;")
     head += ["#pragma GCC ivdep", "  for (int v = 0; v < LANES; ++v) {"]
 
-    body = []
-    needs_j = bool(used & {"J", "Jm1", "logJ", "invJ"})
-    gradients = F_NAMES if needs_j else [name for name in F_NAMES if name in used]
-    for name in gradients:
-        body.append(f"const double H{name[1:]} = x[{X_NAMES.index(name)}][v];")
-    body += [
-        f"const double {name} = {'1.0 + ' if name in ('F11', 'F22') else ''}H{name[1:]};"
-        for name in F_NAMES
-        if name in used
-    ]
-    body += [
-        f"const double {name} = x[{n}][v];" for n, name in enumerate(X_NAMES) if name in used and n >= len(F_NAMES)
-    ]
-    if needs_j:
-        body.append("const double Jm1 = (H11 + H22) + (H11*H22 - H12*H21);")
-        if used & {"J", "invJ"}:
-            body.append("const double J = 1.0 + Jm1;")
-        if "logJ" in used:
-            body.append("const double logJ = log1p(Jm1);")
-        if "invJ" in used:
-            body.append("const double invJ = 1.0/J;")
+    body = [*_inputs(used), *_jacobian_functions(used)]
     body += [f"const double {a.target} = {c_expression(a.value)};" for a in schedule.temporaries]
     body += [f"{_lane(a.target)} = {c_expression(a.value)};" for a in schedule.outputs]
     return "\n".join([*head, *(f"    {line}" for line in body), "  }", "}", ""])
+
+
+def _inputs(used: set[str]) -> list[str]:
+    """Local names of the components of F - I, F and G that a kernel needs."""
+    diagonal = {"H11": "F11", "H22": "F22"}
+    lines = []
+    for n, name in enumerate(X_NAMES):
+        h = f"H{name[1:]}"
+        if h in diagonal:
+            if used & ({h, name} | J_NAMES):
+                lines.append(f"const double {h} = x[{n}][v];")
+            if name in used:
+                lines.append(f"const double {name} = 1.0 + {h};")
+        elif name in used or (name in F_NAMES and used & J_NAMES):
+            lines.append(f"const double {name} = x[{n}][v];")
+    return lines
+
+
+def _jacobian_functions(used: set[str]) -> list[str]:
+    """J and the functions of J that a kernel needs; each is computed once."""
+    logarithm = bool(used & {"logJ", "logJr"})
+    lines = []
+    if used & J_NAMES:
+        lines.append("const double J = jacobian(H11, F21, F12, H22);")
+    if logarithm or "Jm1" in used:
+        lines.append("const double Jm1 = jacobian_minus_1(H11, F21, F12, H22, J);")
+    if logarithm:
+        lines.append("const double lnJ = log(J);")
+        lines.append("const double logJr = log_remainder(Jm1, lnJ);")
+    if "logJ" in used:
+        lines.append("const double logJ = log_from_remainder(Jm1, logJr, lnJ);")
+    if "invJ" in used:
+        lines.append("const double invJ = 1.0/J;")
+    return lines
 
 
 def _lane(target: str) -> str:

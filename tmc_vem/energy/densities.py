@@ -15,7 +15,7 @@ from tmc_vem.energy.kinematics import Scalar, Tensor
 
 def isochoric(F: Tensor, mu: Scalar, m: Any) -> Scalar:
     """Isochoric neo-Hookean part ``mu/2 (J^(-2/3) tr C - 3)``, the second term of (2), equal to (5)."""
-    return mu / 2 * (m.exp(-2 / 3 * m.log(kin.det(F))) * kin.trace_c(F) - 3)
+    return mu / 2 * (m.exp(-2 * m.log(kin.det(F)) / 3) * kin.trace_c(F) - 3)
 
 
 def solid(F: Tensor, G: Tensor, p: Any, m: Any) -> Scalar:
