@@ -1,9 +1,9 @@
 """Compile generated C and keep the result in a content-addressed cache.
 
-The key covers what the energy computes (its trace), the generator itself, the compiler, its flags and the processor.
-Any number of processes or MPI ranks may start at once: a lock file lets one of them generate and compile while the
-others wait, and a finished library is moved into place atomically, so a killed compilation leaves nothing behind that
-could be loaded.
+The key covers what the energy computes (its trace), the generator itself, sympy, the compiler, its flags and the
+processor. Any number of processes or MPI ranks may start at once: a lock file lets one of them generate and compile
+while the others wait, and a finished library is moved into place atomically, so a killed compilation leaves nothing
+behind that could be loaded.
 """
 
 from __future__ import annotations
@@ -12,14 +12,12 @@ import contextlib
 import fcntl
 import functools
 import hashlib
+import importlib.util
 import logging
 import os
-import platform
+import shlex
 import shutil
-import subprocess
-import tempfile
 from collections.abc import Callable, Iterator
-from importlib.resources import files
 from pathlib import Path
 
 from codegen.errors import CodegenError
@@ -36,10 +34,17 @@ def cache_directory() -> Path:
     """Where compiled kernels are kept: ``$TMC_VEM_CACHE``, else ``tmc-vem`` in the user's cache directory.
 
     A directory that cannot be written to is replaced by one in the temporary directory, with a warning.
+
+    Raises:
+        CodegenError: the replacement belongs to another user or cannot be made either.
     """
     named = os.environ.get(CACHE_VARIABLE)
     base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    wanted = Path(named) if named else Path(base) / "tmc-vem"
+    return _usable_directory(Path(named) if named else Path(base) / "tmc-vem")
+
+
+@functools.cache
+def _usable_directory(wanted: Path) -> Path:
     try:
         wanted.mkdir(parents=True, exist_ok=True)
         if os.access(wanted, os.W_OK | os.X_OK):
@@ -47,52 +52,63 @@ def cache_directory() -> Path:
         reason = "it is not writable"
     except OSError as error:
         reason = error.strerror or str(error)
+    import tempfile
+
     fallback = Path(tempfile.gettempdir()) / f"tmc-vem-{os.getuid()}"
     logger.warning("kernel cache %s cannot be used (%s); using %s. Set %s.", wanted, reason, fallback, CACHE_VARIABLE)
-    fallback.mkdir(mode=0o700, parents=True, exist_ok=True)
+    try:
+        fallback.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise CodegenError(f"nor can {fallback} be used as kernel cache ({error}); set {CACHE_VARIABLE}") from error
     if fallback.stat().st_uid != os.getuid():  # code is loaded from there: it must be ours
         raise CodegenError(f"the fallback cache {fallback} belongs to somebody else; set {CACHE_VARIABLE}")
     return fallback
 
 
-@functools.cache
-def compiler() -> str:
-    """The C compiler: ``$CC`` or gcc or cc.
+def compiler() -> tuple[str, ...]:
+    """Command of the C compiler: ``$CC``, else gcc or cc.
 
     Raises:
         CodegenError: there is none.
     """
-    wanted = os.environ.get("CC")
-    for name in (wanted,) if wanted else ("gcc", "cc"):
-        path = shutil.which(name)
-        if path:
-            return path
-    tried = wanted or "gcc and cc"
+    return _find_compiler(os.environ.get("CC"), os.environ.get("PATH"))
+
+
+@functools.cache
+def _find_compiler(wanted: str | None, search_path: str | None) -> tuple[str, ...]:
+    for command in [shlex.split(wanted)] if wanted else [["gcc"], ["cc"]]:
+        executable = shutil.which(command[0], path=search_path) if command else None
+        if executable:
+            return (executable, *command[1:])
+    tried = f"CC={wanted}" if wanted else "gcc and cc"
     raise CodegenError(f"no C compiler found (tried {tried}): install gcc ('apt-get install gcc libc6-dev') or set CC")
 
 
 @functools.cache
-def _toolchain_key() -> str:
-    """What besides the energy decides the machine code: compiler, flags, processor, the generator's own files."""
+def _toolchain_key(command: tuple[str, ...]) -> str:
+    """What besides the energy decides the machine code: compiler, flags, processor, sympy, the generator's files."""
     digest = hashlib.sha256()
-    path = Path(compiler()).resolve()
+    path = Path(command[0]).resolve()
     stat = path.stat()
-    digest.update(repr((str(path), stat.st_size, stat.st_mtime_ns, FLAGS, platform.machine())).encode())
-    with contextlib.suppress(OSError):
-        cpu = [
-            line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith(("flags", "model name"))
-        ]
-        digest.update("".join(sorted(set(cpu))).encode())
-    for resource in sorted(files("codegen").iterdir(), key=lambda entry: entry.name):
-        if resource.name.endswith((".py", ".c", ".h")):
-            digest.update(resource.name.encode())
-            digest.update(resource.read_bytes())
+    digest.update(repr((str(path), stat.st_size, stat.st_mtime_ns, command[1:], FLAGS, os.uname().machine)).encode())
+    with contextlib.suppress(OSError), open("/proc/cpuinfo") as cpuinfo:
+        for line in cpuinfo:
+            if line.startswith(("flags", "Features", "model name")):
+                digest.update(line.encode())
+            if line.startswith(("flags", "Features")):
+                break  # the other cores repeat it
+    sympy = importlib.util.find_spec("sympy")  # its version, without the third of a second that importing it takes
+    sources = [Path(sympy.origin).with_name("release.py")] if sympy and sympy.origin else []
+    sources += sorted(entry for entry in Path(__file__).parent.iterdir() if entry.suffix in (".py", ".c", ".h"))
+    for source in sources:
+        with contextlib.suppress(OSError):
+            digest.update(source.name.encode() + source.read_bytes())
     return digest.hexdigest()
 
 
 def library_path(name: str, fingerprint: str) -> Path:
     """Where the compiled kernel of an energy with this fingerprint is, or will be."""
-    key = hashlib.sha256((fingerprint + _toolchain_key()).encode()).hexdigest()[:24]
+    key = hashlib.sha256((fingerprint + _toolchain_key(compiler())).encode()).hexdigest()[:24]
     safe = "".join(ch if ch.isalnum() or ch in "_-" else "_" for ch in name)
     return cache_directory() / f"{safe}-{key}.so"
 
@@ -101,29 +117,36 @@ def compile_library(c_source: str, output: Path) -> None:
     """Compile C source into a shared object, which appears under its name only when it is complete.
 
     Raises:
-        CodegenError: the compiler failed; the message has its first lines.
+        CodegenError: the compiler failed (the message has its first lines) or the directory cannot be written to.
     """
-    with tempfile.TemporaryDirectory(dir=output.parent, prefix=".build-") as scratch:
-        source = Path(scratch) / (output.stem + ".c")
-        source.write_text(c_source)
-        target = Path(scratch) / output.name
-        with_vector_functions = ["-DTMC_USE_LIBMVEC", "-o", str(target), str(source), "-lmvec", "-lm"]
-        plain = ["-o", str(target), str(source), "-lm"]
-        result = None
-        for arguments in (with_vector_functions, plain):  # libmvec exists on some systems only
-            result = subprocess.run(
-                [compiler(), *FLAGS, *WARNING_FLAGS, *arguments], capture_output=True, text=True, check=False
-            )
-            if result.returncode == 0:
-                os.replace(source, output.with_suffix(".c"))
-                os.replace(target, output)
-                return
-        assert result is not None
-        raise CodegenError(f"compiling {output.stem} with {compiler()} failed:\n{result.stderr[:2000]}")
+    import subprocess
+    import tempfile
+
+    try:
+        with tempfile.TemporaryDirectory(dir=output.parent, prefix=".build-") as scratch:
+            source = Path(scratch) / (output.stem + ".c")
+            source.write_text(c_source)
+            target = Path(scratch) / output.name
+            with_vector_functions = ["-DTMC_USE_LIBMVEC", "-o", str(target), str(source), "-lmvec", "-lm"]
+            plain = ["-o", str(target), str(source), "-lm"]
+            for arguments in (with_vector_functions, plain):  # libmvec exists on some systems only
+                command = [*compiler(), *FLAGS, *WARNING_FLAGS, *arguments]
+                result = subprocess.run(command, capture_output=True, text=True, check=False)
+                if result.returncode == 0:
+                    os.replace(source, output.with_suffix(".c"))
+                    os.replace(target, output)
+                    return
+    except OSError as error:
+        raise CodegenError(f"compiling {output.stem} failed: {error}") from error
+    raise CodegenError(f"compiling {output.stem} with {compiler()[0]} failed:\n{result.stderr[:2000]}")
 
 
 def build(name: str, fingerprint: str, generate_source: Callable[[], str]) -> Path:
-    """Path of the compiled kernel, generating and compiling it if the cache does not have it."""
+    """Path of the compiled kernel, generating and compiling it if the cache does not have it.
+
+    Raises:
+        CodegenError: there is no compiler, it failed, or no cache directory can be written to.
+    """
     library = library_path(name, fingerprint)
     if library.exists():
         return library
@@ -137,6 +160,10 @@ def build(name: str, fingerprint: str, generate_source: Callable[[], str]) -> Pa
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
     """Hold an advisory lock that the system releases even if the process is killed."""
-    with path.open("w") as handle:
+    try:
+        handle = path.open("w")
+    except OSError as error:
+        raise CodegenError(f"cannot write to the kernel cache: {error}; set {CACHE_VARIABLE}") from error
+    with handle:
         fcntl.flock(handle, fcntl.LOCK_EX)
         yield

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
+from pathlib import Path
+
+HERE = Path(__file__).parent
 
 
 def abi_header() -> str:
     """Text of kernel_abi.h."""
-    return files("codegen").joinpath("kernel_abi.h").read_text()
+    return HERE.joinpath("kernel_abi.h").read_text()
 
 
 def driver_source() -> str:
     """Text of the cell driver, driver.c."""
-    return files("codegen").joinpath("driver.c").read_text()
+    return HERE.joinpath("driver.c").read_text()
 
 
 def point_arithmetic_source() -> str:
     """Text of the helpers that the point kernels call, pointmath.c."""
-    return files("codegen").joinpath("pointmath.c").read_text()
+    return HERE.joinpath("pointmath.c").read_text()

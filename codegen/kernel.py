@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codegen.abi import derivative_rows, load_library
 from codegen.build import build
 from codegen.compiler import generate
-from codegen.ctext import abi_header
 from codegen.errors import CodegenError
 from codegen.ordering import N_HESSIAN, N_X, UPPER_TRIANGLE
 from codegen.trace import trace
@@ -80,16 +78,12 @@ class Kernel:
         self.name = name
         self.parameters = tuple(parameters)
         self.library = library
-        self._ffi = _ffi()
-        try:
-            self._lib = self._ffi.dlopen(str(library))
-        except OSError as error:
-            raise CodegenError(f"kernel {library} cannot be loaded ({error}); delete it and try again") from error
+        self._lib = load_library(library)
 
     @property
     def uses_second_gradient(self) -> bool:
         """Whether the energy depends on G."""
-        return bool(self._lib.tmc_n_rows == 6)
+        return derivative_rows(self._lib) == 6
 
     def parameter_array(self, values: Mapping[str, float]) -> Array:
         """Values in the kernel's order.
@@ -126,9 +120,9 @@ class Kernel:
             tangent = np.empty(shape) if tangent_out is None else tangent_out.reshape(shape)
         _, n_points, _, stride = batch.B_sqra.shape
         status = self._lib.tmc_cells(
-            level, n_cells, n_basis, stride, n_points, self._int(batch.shape_c), self._double(batch.B_sqra),
-            self._double(batch.w_sq), self._double(u_cai), self._double(parameters), self._double(energy_c),
-            self._double(min_j_c), self._double(residual), self._double(tangent),
+            level, n_cells, n_basis, stride, n_points, _address(batch.shape_c), _address(batch.B_sqra),
+            _address(batch.w_sq), _address(u_cai), _address(parameters), _address(energy_c),
+            _address(min_j_c), _address(residual), _address(tangent),
         )  # fmt: skip
         if status == OUT_OF_MEMORY:
             raise MemoryError(f"kernel '{self.name}' could not allocate its work space")
@@ -141,8 +135,8 @@ class Kernel:
         step_c = np.empty(batch.n_cells)
         _, n_points, _, stride = batch.B_sqra.shape
         self._lib.tmc_max_step(
-            batch.n_cells, batch.n_basis, stride, n_points, self._int(batch.shape_c), self._double(batch.B_sqra),
-            self._double(u_cai), self._double(du_cai), self._double(step_c),
+            batch.n_cells, batch.n_basis, stride, n_points, _address(batch.shape_c), _address(batch.B_sqra),
+            _address(u_cai), _address(du_cai), _address(step_c),
         )  # fmt: skip
         return step_c
 
@@ -163,18 +157,14 @@ class Kernel:
         g_nx = np.empty((n, N_X)) if level >= GRADIENT else None
         h_nk = np.empty((n, N_HESSIAN)) if level >= TANGENT else None
         self._lib.tmc_points(
-            level, n, self._double(x_nx), self._double(parameters), self._double(psi_n), self._double(g_nx),
-            self._double(h_nk),
+            level, n, _address(x_nx), _address(parameters), _address(psi_n), _address(g_nx),
+            _address(h_nk),
         )  # fmt: skip
         return psi_n, g_nx, None if h_nk is None else _unpack(h_nk)
 
-    def _double(self, array: Array | None) -> Any:
-        if array is None:
-            return self._ffi.NULL
-        return self._ffi.cast("double *", _contiguous(array).ctypes.data)
 
-    def _int(self, array: NDArray[np.int32]) -> Any:
-        return self._ffi.cast("int32_t *", _contiguous(array).ctypes.data)
+def _address(array: NDArray[Any] | None) -> int | None:
+    return None if array is None else _contiguous(array).ctypes.data
 
 
 def _contiguous(array: NDArray[Any]) -> NDArray[Any]:
@@ -189,15 +179,6 @@ def _unpack(h_nk: Array) -> Array:
     h_nxy[:, rows, columns] = h_nk
     h_nxy[:, columns, rows] = h_nk
     return h_nxy
-
-
-@functools.cache
-def _ffi() -> Any:
-    from cffi import FFI
-
-    ffi = FFI()
-    ffi.cdef(re.sub(r"/\*.*?\*/", "", abi_header(), flags=re.S))
-    return ffi
 
 
 def compile_energy(
