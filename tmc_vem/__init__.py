@@ -1,0 +1,33 @@
+"""Third medium contact on polygonal meshes with stabilization-free virtual elements.
+
+Importing this package loads nothing heavy; the names below import what they need when they are first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tmc_vem.problems import Box, Material, Medium
+    from tmc_vem.results import RunResult
+    from tmc_vem.run import RunOptions, run
+
+__version__ = "0.1.0"
+
+_LAZY = {
+    "Box": "tmc_vem.problems",
+    "Material": "tmc_vem.problems",
+    "Medium": "tmc_vem.problems",
+    "RunOptions": "tmc_vem.run",
+    "RunResult": "tmc_vem.results",
+    "run": "tmc_vem.run",
+}
+
+__all__ = ["Box", "Material", "Medium", "RunOptions", "RunResult", "__version__", "run"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LAZY:
+        return getattr(import_module(_LAZY[name]), name)
+    raise AttributeError(f"module 'tmc_vem' has no attribute '{name}'")

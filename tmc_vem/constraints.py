@@ -1,0 +1,28 @@
+"""Prescribed displacements and probes of a problem: plain data shared by both discretisations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """Displacement component that is prescribed at a named point or along named edges.
+
+    Attributes:
+        where: name of a point or of a set of edges.
+        component: 0 for u_x, 1 for u_y.
+        value: displacement at load factor 1; it grows in proportion to the load factor.
+    """
+
+    where: str
+    component: int
+    value: float = 0.0
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Distance of two named points in the deformed state."""
+
+    first: str
+    second: str

@@ -1,0 +1,208 @@
+"""Distribute a polygon mesh over MPI ranks with PETSc's DMPlex.
+
+The root rank holds the mesh; DMPlex partitions it, moves the cells, and later numbers the degrees of freedom. PETSc has
+no cell type for a general polygon: marking every cell as a "ghost cell of a finite volume method" is the one that its
+distribution carries through unharmed (3.18). What belongs to cells and vertices (regions, coordinates, original
+numbers) travels along as fields.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from tmc_vem.errors import TmcError
+from tmc_vem.mesh.polygon import Edges, PolygonMesh
+
+Int = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class DistributedMesh:
+    """The cells of one rank and the DMPlex that knows how they hang together with those of other ranks.
+
+    Attributes:
+        comm: communicator of all ranks.
+        mesh: this rank's cells with the vertices they use; named points and edges are those present here.
+        edges: this rank's edges, in their DMPlex direction, which is the same on all ranks that share them.
+        plex: the distributed DMPlex.
+        cell_points, vertex_points, edge_points: DMPlex points of the local cells, vertices and edges.
+        cell_ids, vertex_ids: numbers in the mesh as it was before distribution.
+        n_cells_global, n_vertices_global: sizes of the whole mesh.
+    """
+
+    comm: MPI.Intracomm
+    mesh: PolygonMesh
+    edges: Edges
+    plex: Any
+    cell_points: Int
+    vertex_points: Int
+    edge_points: Int
+    cell_ids: Int
+    vertex_ids: Int
+    n_cells_global: int
+    n_vertices_global: int
+
+
+def distribute(comm: MPI.Intracomm, make_mesh: Callable[[], PolygonMesh]) -> DistributedMesh:
+    """Make the mesh on the root rank and distribute its cells, each to exactly one rank.
+
+    Args:
+        comm: communicator; with one rank the same code runs.
+        make_mesh: called on rank 0 only.
+
+    Raises:
+        TmcError: whatever ``make_mesh`` raises, on every rank.
+    """
+    mesh = _make_on_root(comm, make_mesh)
+    plex, cell_field, vertex_field = _serial_plex(comm, mesh)
+    migration = plex.distribute()
+    cell_section, cell_data = _distribute_field(comm, plex, migration, 0, cell_field)
+    vertex_section, vertex_data = _distribute_field(comm, plex, migration, len(cell_field), vertex_field)
+
+    names = None if mesh is None else (mesh.region_names, dict(mesh.named_points), dict(mesh.named_edges))
+    sizes = None if mesh is None else (mesh.n_cells, mesh.n_vertices)
+    region_names, named_points, named_edges = comm.bcast(names)
+    n_cells_global, n_vertices_global = comm.bcast(sizes)
+
+    cell_points = np.arange(*plex.getHeightStratum(0))
+    edge_points = np.arange(*plex.getDepthStratum(1))
+    vertex_points = np.arange(*plex.getDepthStratum(0))
+    cells = _field_values(cell_section, cell_data, cell_points, 2)
+    vertices = _field_values(vertex_section, vertex_data, vertex_points, 3)
+    vertex_ids = vertices[:, 2].astype(np.int64)
+
+    edges_ev = _cones(plex, edge_points).reshape(-1, 2) - (vertex_points[0] if len(vertex_points) else 0)
+    offsets, cell_edges, forward, cell_vertices = _cells_from_cones(plex, cell_points, edge_points, edges_ev)
+    local = PolygonMesh(
+        points_vx=vertices[:, :2],
+        cell_offsets=offsets,
+        cell_vertices=cell_vertices,
+        region_c=cells[:, 0].astype(np.int64),
+        region_names=region_names,
+        named_points=_local_points(named_points, vertex_ids),
+        named_edges=_local_edges(named_edges, vertex_ids, edges_ev),
+        validate=False,  # the whole mesh was validated on the root
+    )
+    counts = np.bincount(cell_edges, minlength=len(edges_ev))
+    return DistributedMesh(
+        comm, local, Edges(edges_ev, cell_edges, forward, counts), plex, cell_points, vertex_points, edge_points,
+        cells[:, 1].astype(np.int64), vertex_ids, n_cells_global, n_vertices_global,
+    )  # fmt: skip
+
+
+def _make_on_root(comm: MPI.Intracomm, make_mesh: Callable[[], PolygonMesh]) -> PolygonMesh | None:
+    mesh, error = None, None
+    if comm.rank == 0:
+        try:
+            mesh = make_mesh()
+        except TmcError as raised:
+            error = raised
+    error = comm.bcast(error)
+    if error is not None:
+        raise error
+    return mesh
+
+
+def _serial_plex(comm: MPI.Intracomm, mesh: PolygonMesh | None) -> tuple[Any, NDArray[Any], NDArray[Any]]:
+    """DMPlex with all points on rank 0, and per point its cell data (n, 2) or vertex data (n, 3)."""
+    plex = PETSc.DMPlex().create(comm=comm)
+    plex.setDimension(2)
+    plex.createLabel("celltype")
+    if mesh is None:
+        plex.setChart(0, 0)
+        plex.symmetrize()
+        plex.stratify()
+        return plex, np.empty((0, 2)), np.empty((0, 3))
+
+    edges, n_cells, n_vertices = mesh.edges, mesh.n_cells, mesh.n_vertices
+    first_vertex, first_edge = n_cells, n_cells + n_vertices
+    plex.setChart(0, first_edge + len(edges))
+    for c, n_sides in enumerate(mesh.n_sides_c.tolist()):
+        plex.setConeSize(c, n_sides)
+    for e in range(first_edge, first_edge + len(edges)):
+        plex.setConeSize(e, 2)
+    plex.setUp()
+    cones = (edges.cell_edges + first_edge).astype(PETSc.IntType)
+    orientations = np.where(edges.forward, 0, -1).astype(PETSc.IntType)
+    offsets = mesh.cell_offsets.tolist()
+    for c in range(n_cells):
+        sides = slice(offsets[c], offsets[c + 1])
+        plex.setCone(c, cones[sides], orientation=orientations[sides])
+    ends = (edges.vertices_ev + first_vertex).astype(PETSc.IntType)
+    for e in range(len(edges)):
+        plex.setCone(first_edge + e, ends[e])
+    plex.symmetrize()
+    plex.stratify()
+    for c in range(n_cells):
+        plex.setCellType(c, PETSc.DM.PolytopeType.FV_GHOST)
+    for v in range(first_vertex, first_edge):
+        plex.setCellType(v, PETSc.DM.PolytopeType.POINT)
+    for e in range(first_edge, first_edge + len(edges)):
+        plex.setCellType(e, PETSc.DM.PolytopeType.SEGMENT)
+    cell_field = np.column_stack([mesh.region_c, np.arange(n_cells)]).astype(float)
+    vertex_field = np.column_stack([mesh.points_vx, np.arange(n_vertices)])
+    return plex, cell_field, vertex_field
+
+
+def _distribute_field(
+    comm: MPI.Intracomm, plex: Any, migration: Any, first_point: int, values: NDArray[Any]
+) -> tuple[Any, Any]:
+    """Move the values (n, width) of consecutive points of the serial DMPlex to where the points went."""
+    section = PETSc.Section().create(comm=comm)
+    section.setChart(first_point, first_point + len(values))
+    for point in range(first_point, first_point + len(values)):
+        section.setDof(point, values.shape[1])
+    section.setUp()
+    vector = PETSc.Vec().createWithArray(values.ravel().copy(), comm=PETSc.COMM_SELF)
+    if migration is None:  # one rank: nothing moved
+        return section, vector
+    new_section, new_vector = plex.distributeField(migration, section, vector)
+    return new_section, new_vector
+
+
+def _field_values(section: Any, vector: Any, points: Int, width: int) -> NDArray[np.float64]:
+    array = vector.getArray(readonly=True)
+    offsets = np.fromiter((section.getOffset(p) for p in points.tolist()), dtype=np.int64, count=len(points))
+    values: NDArray[np.float64] = array[offsets[:, None] + np.arange(width)].copy()
+    return values
+
+
+def _cones(plex: Any, points: Int) -> Int:
+    cones = [plex.getCone(p) for p in points.tolist()]
+    return np.concatenate(cones).astype(np.int64) if cones else np.empty(0, dtype=np.int64)
+
+
+def _cells_from_cones(
+    plex: Any, cell_points: Int, edge_points: Int, edges_ev: Int
+) -> tuple[Int, Int, NDArray[np.bool_], Int]:
+    """CSR offsets, edges, directions and vertices of the local cells."""
+    first_edge = edge_points[0] if len(edge_points) else 0
+    sizes = np.array([plex.getConeSize(p) for p in cell_points.tolist()], dtype=np.int64)
+    offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+    cell_edges = _cones(plex, cell_points) - first_edge
+    orientations = [plex.getConeOrientation(p) for p in cell_points.tolist()]
+    forward = np.concatenate(orientations) >= 0 if orientations else np.empty(0, dtype=bool)
+    return offsets, cell_edges, forward, edges_ev[cell_edges, np.where(forward, 0, 1)]
+
+
+def _local_points(named_points: Mapping[str, int], vertex_ids: Int) -> dict[str, int]:
+    local = {int(v): n for n, v in enumerate(vertex_ids.tolist())}
+    return {name: local[vertex] for name, vertex in named_points.items() if vertex in local}
+
+
+def _local_edges(named_edges: Mapping[str, Int], vertex_ids: Int, edges_ev: Int) -> dict[str, Int]:
+    """Named edges whose edge (not only its end vertices) is on this rank, in local vertices."""
+    here = {tuple(sorted(pair)): tuple(local) for pair, local in
+            zip(vertex_ids[edges_ev].tolist(), edges_ev.tolist(), strict=True)}  # fmt: skip
+    found = {}
+    for name, pairs in named_edges.items():
+        keys = (tuple(sorted(pair)) for pair in np.asarray(pairs).reshape(-1, 2).tolist())
+        found[name] = np.array([here[key] for key in keys if key in here], dtype=np.int64).reshape(-1, 2)
+    return found

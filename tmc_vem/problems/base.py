@@ -1,0 +1,136 @@
+"""What every problem says about itself; it holds data only and solves nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from tmc_vem.constraints import Gap, Prescribed
+from tmc_vem.energy import Energy, Regulariser, get_regulariser, hyperelastic_solid, third_medium
+from tmc_vem.errors import InputError
+from tmc_vem.mesh.polygon import PolygonMesh
+
+
+def require_positive(name: str, value: float, hint: str) -> None:
+    """Check that a parameter is a positive finite number.
+
+    Raises:
+        InputError: it is not; the message has the name, the value and the hint.
+    """
+    if not (math.isfinite(value) and value > 0.0):
+        raise InputError(f"{name} = {value:g} must be a positive number: {hint}")
+
+
+@dataclass(frozen=True)
+class Material:
+    """Hyperelastic solid (2): bulk modulus K and shear modulus mu (force per area)."""
+
+    K: float
+    mu: float
+
+    def __post_init__(self) -> None:
+        require_positive("K", self.K, "the bulk modulus, 20 for the box of the paper")
+        require_positive("mu", self.mu, "the shear modulus, 10 for the box of the paper")
+
+
+@dataclass(frozen=True)
+class Medium:
+    """Third medium (4).
+
+    Attributes:
+        gamma: stiffness relative to the solid, far below 1.
+        alpha_r: weight of the regulariser (length squared for (6) and (9)).
+        beta: exponent of the damping factor exp(-beta J); 0 leaves the factor out.
+        regulariser: name of a regulariser of Table 1, or a regulariser of your own.
+        parameters: values of a regulariser's own parameters.
+    """
+
+    gamma: float = 1e-5
+    alpha_r: float = 1.0
+    beta: float = 5.0
+    regulariser: str | Regulariser = "huhu_lulu"
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        require_positive("gamma", self.gamma, "the medium's stiffness relative to the solid, try 1e-5")
+        require_positive("alpha_r", self.alpha_r, "the weight of the regulariser, try 1")
+        if not (math.isfinite(self.beta) and self.beta >= 0.0):
+            raise InputError(
+                f"beta = {self.beta:g} must not be negative: 5 damps as in the paper, 0 switches damping off"
+            )
+        regulariser = self.resolved
+        unknown = set(self.parameters) - set(regulariser.parameters)
+        missing = set(regulariser.parameters) - set(self.parameters)
+        if unknown or missing:
+            takes = ", ".join(regulariser.parameters) or "no parameters"
+            raise InputError(
+                f"regulariser '{regulariser.name}' takes {takes}; given: {', '.join(self.parameters) or 'none'}"
+            )
+
+    @property
+    def resolved(self) -> Regulariser:
+        """The regulariser itself."""
+        return get_regulariser(self.regulariser) if isinstance(self.regulariser, str) else self.regulariser
+
+    def as_dict(self) -> dict[str, Any]:
+        """Inputs as plain values for result files."""
+        return {
+            "gamma": self.gamma,
+            "alpha_r": self.alpha_r,
+            "beta": self.beta,
+            "regulariser": self.resolved.name,
+            **({"parameters": dict(self.parameters)} if self.parameters else {}),
+        }
+
+
+@dataclass(frozen=True)
+class RegionEnergy:
+    """Energy of a region, the values of its parameters, and whether it is the third medium."""
+
+    energy: Energy
+    values: Mapping[str, float]
+    is_medium: bool = False
+
+
+def solid_region(material: Material) -> RegionEnergy:
+    """Region of a hyperelastic solid."""
+    return RegionEnergy(hyperelastic_solid(), {"K": material.K, "mu": material.mu})
+
+
+def medium_region(medium: Medium, mu: float) -> RegionEnergy:
+    """Region of third medium, with the shear modulus of the solid around it."""
+    energy = third_medium(medium.resolved, damped=medium.beta > 0.0)
+    values = {"mu": mu, "gamma": medium.gamma, "alpha_r": medium.alpha_r, "beta": medium.beta, **medium.parameters}
+    return RegionEnergy(energy, values, is_medium=True)
+
+
+class Problem(Protocol):
+    """A boundary value problem: everything but the discretisation and the solver."""
+
+    @property
+    def name(self) -> str:
+        """Short name, as on the command line."""
+
+    def make_mesh(self) -> PolygonMesh:
+        """The mesh, with regions and named points; called on one rank only.
+
+        Raises:
+            InputError: the number of cells does not fit the geometry.
+        """
+
+    def regions(self) -> Mapping[str, RegionEnergy]:
+        """Energy of every region of the mesh."""
+
+    def prescribed(self) -> Sequence[Prescribed]:
+        """Supports and loads."""
+
+    def gap(self) -> Gap | None:
+        """Points whose distance is the gap, if the problem has one."""
+
+    def load(self) -> Prescribed:
+        """The condition that carries the load; its displacement and reaction are reported."""
+
+    def inputs(self) -> dict[str, Any]:
+        """All parameters as plain values for result files."""

@@ -1,0 +1,133 @@
+"""Self-contact within a box, section 5.1 of Xu & Wriggers, CMAME 450 (2026) 118611."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tmc_vem.constraints import Gap, Prescribed
+from tmc_vem.errors import InputError
+from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
+from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, require_positive, solid_region
+
+
+@dataclass(frozen=True)
+class Box:
+    """A hollow box that is pressed at the middle of its top until its flanges touch.
+
+    Supports are single nodes: the lower left corner is fixed, the lower right corner is free to slide in x, and the
+    middle of the top has its u_y prescribed and its u_x free. The third medium fills the cavity.
+
+    Attributes:
+        cells: equal squares or rectangles in x and y over the whole box; the wall must be a whole number of them.
+        medium: third medium.
+        material: solid.
+        uy: displacement of the middle of the top at full load (downwards is negative).
+        length, height, wall: outer dimensions and thickness of the wall.
+    """
+
+    cells: tuple[int, int] = (40, 10)
+    medium: Medium = field(default_factory=Medium)
+    material: Material = field(default_factory=lambda: Material(K=20.0, mu=10.0))
+    uy: float = -1.0
+    length: float = 2.0
+    height: float = 0.5
+    wall: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name in ("length", "height", "wall"):
+            require_positive(name, getattr(self, name), f"the paper's box has {name} {_DEFAULTS[name]:g}")
+        if 2.0 * self.wall >= min(self.length, self.height):
+            raise InputError(f"wall = {self.wall:g} leaves no cavity in a box of {self.length:g} x {self.height:g}")
+        if not math.isfinite(self.uy):
+            raise InputError(f"uy = {self.uy:g} must be a finite number")
+        if len(self.cells) != 2 or min(self.cells) < 1:
+            raise InputError(f"cells = {self.cells}: give the number of cells in x and in y, for example 40 10")
+        for axis, count, extent in zip("xy", self.cells, (self.length, self.height), strict=True):
+            self._check_resolution(axis, count, extent)
+
+    def _check_resolution(self, axis: str, count: int, extent: float) -> None:
+        in_wall = self.wall / extent * count
+        if abs(in_wall - round(in_wall)) > 1e-9 * count or round(in_wall) < 1:
+            step = extent / math.gcd(round(extent * 1e6), round(self.wall * 1e6)) * 1e6
+            unit = round(step / 1e6) if abs(step / 1e6 - round(step / 1e6)) < 1e-9 else None
+            hint = (
+                f"use a multiple of {round(extent / self.wall)}"
+                if (extent / self.wall) % 1 < 1e-9
+                else (f"use a multiple of {unit}" if unit else "choose another number")
+            )
+            raise InputError(
+                f"{count} cells in {axis} do not resolve the wall: {self.wall:g} is {in_wall:g} cells of "
+                f"{extent / count:g}; {hint}"
+            )
+        if axis == "x" and count % 2:
+            raise InputError(
+                f"{count} cells in x leave no node in the middle of the top, where the load is; use an even number"
+            )
+
+    @property
+    def name(self) -> str:
+        """Short name, as on the command line."""
+        return "box"
+
+    def make_mesh(self) -> PolygonMesh:
+        """Equal quadrilaterals; named points: support_left, support_right, load, flange_top, flange_bottom."""
+        nx, ny = self.cells
+        t, middle = self.wall, self.length / 2
+        return structured_quadrilaterals(
+            np.linspace(0.0, self.length, nx + 1),
+            np.linspace(0.0, self.height, ny + 1),
+            [
+                Rectangle("solid", 0.0, self.length, 0.0, self.height),
+                Rectangle("medium", t, self.length - t, t, self.height - t),
+            ],
+            {
+                "support_left": (0.0, 0.0),
+                "support_right": (self.length, 0.0),
+                "load": (middle, self.height),
+                "flange_top": (middle, self.height - t),
+                "flange_bottom": (middle, t),
+            },
+        )
+
+    def regions(self) -> Mapping[str, RegionEnergy]:
+        """Solid wall and medium in the cavity."""
+        return {"solid": solid_region(self.material), "medium": medium_region(self.medium, self.material.mu)}
+
+    def prescribed(self) -> Sequence[Prescribed]:
+        """Single-node supports and the load."""
+        return (
+            Prescribed("support_left", 0),
+            Prescribed("support_left", 1),
+            Prescribed("support_right", 1),
+            self.load(),
+        )
+
+    def gap(self) -> Gap:
+        """Distance of the middles of the inner flange surfaces."""
+        return Gap("flange_top", "flange_bottom")
+
+    def load(self) -> Prescribed:
+        """u_y at the middle of the top."""
+        return Prescribed("load", 1, self.uy)
+
+    def inputs(self) -> dict[str, Any]:
+        """All parameters as plain values."""
+        return {
+            "problem": self.name,
+            "cells": list(self.cells),
+            "uy": self.uy,
+            "length": self.length,
+            "height": self.height,
+            "wall": self.wall,
+            "material": {"K": self.material.K, "mu": self.material.mu},
+            "medium": self.medium.as_dict(),
+        }
+
+
+_DEFAULTS = {"length": 2.0, "height": 0.5, "wall": 0.1}

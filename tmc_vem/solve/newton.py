@@ -1,0 +1,202 @@
+"""Newton's method for a potential whose domain is bounded by J > 0.
+
+A loop of our own on PETSc's KSP: SNES of PETSc 3.18 cannot be told from Python that a state is outside the domain, and
+its line search gives up on NaN instead of shortening the step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from tmc_vem.solve.linear import LinearSolver
+from tmc_vem.solve.protocol import Evaluation, NonlinearSystem
+from tmc_vem.timing import Timer
+
+# Fraction of the largest admissible step that is taken at most (fraction-to-the-boundary rule).
+TO_THE_BOUNDARY = 0.9
+# Sufficient decrease of the potential, as a fraction of what the slope promises (Armijo).
+ARMIJO = 1e-4
+SHORTEST_STEP = 1e-4
+# Changes of the energy below this fraction of it are rounding, not information.
+ENERGY_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class NewtonOptions:
+    """Tolerances and limits.
+
+    Attributes:
+        residual: largest norm of the residual at free degrees of freedom, relative to the norm with the reactions.
+        correction: largest entry of the last full Newton correction, relative to the size of the domain. As the
+            iteration converges quadratically, the error left is about the square of it.
+        max_iterations: after which the load step is given up.
+    """
+
+    residual: float = 1e-8
+    correction: float = 1e-7
+    max_iterations: int = 20
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One Newton iteration: relative residual before it, relative correction and the fraction of it that was taken."""
+
+    residual: float
+    correction: float
+    step: float
+
+
+@dataclass(frozen=True)
+class NewtonResult:
+    """Outcome of solving for equilibrium at one load.
+
+    Attributes:
+        converged: whether both tolerances were met.
+        reason: why it stopped, in words.
+        evaluation: potential and extremes at the last state.
+        iterations: the iterations, one record each.
+        negative_pivots: of the last factorised tangent; above zero the state is unstable. None if unknown.
+    """
+
+    converged: bool
+    reason: str
+    evaluation: Evaluation
+    iterations: tuple[Iteration, ...] = ()
+    negative_pivots: int | None = None
+
+
+@dataclass
+class NewtonSolver:
+    """Newton's method with a line search on the potential; keeps matrix, factorisation and work vectors.
+
+    Args:
+        system: what is solved.
+        options: tolerances and limits.
+        timer: collects the time of each phase.
+        on_iteration: called after every iteration, for a progress display.
+    """
+
+    system: NonlinearSystem
+    options: NewtonOptions = field(default_factory=NewtonOptions)
+    timer: Timer = field(default_factory=Timer)
+    on_iteration: Callable[[Iteration], None] | None = None
+
+    def __post_init__(self) -> None:
+        self._matrix = self.system.create_matrix()
+        self._linear = LinearSolver(self._matrix, self.system.comm)
+        self.residual = self.system.create_vector()
+        self._direction = self.system.create_vector()
+        self._trial = self.system.create_vector()
+        self._rhs = self.system.create_vector()
+        self._constrained = self.system.constrained()
+
+    def set_prescribed(self, u: Any, load: float) -> None:
+        """Write the prescribed displacements of a load factor into ``u``."""
+        u.getArray()[self._constrained] = self.system.prescribed(load)
+
+    def predict(self, u: Any, load: float, out: Any) -> bool:
+        """First-order predictor: ``out = u + du`` with the tangent at ``u`` and the prescribed values of ``load``.
+
+        Returns:
+            Whether the linear solve worked and J stays positive all the way (with a margin).
+        """
+        increment = self._trial
+        increment.set(0.0)
+        increment.getArray()[self._constrained] = (
+            self.system.prescribed(load) - u.getArray(readonly=True)[self._constrained]
+        )
+        with self.timer("assembly"):
+            self.system.residual(u, self.residual)
+            self.system.jacobian(u, self._matrix)
+            self.system.tangent_action(increment, self._rhs)
+        self._rhs.axpy(1.0, self.residual)
+        self._rhs.scale(-1.0)
+        self._clear_constrained(self._rhs)
+        with self.timer("linear solve"):
+            solved = self._linear.solve(self._rhs, self._direction)
+        if not solved:
+            return False
+        self._direction.axpy(1.0, increment)
+        admissible = self.is_admissible(u, self._direction)
+        out.waxpy(1.0, self._direction, u)
+        return admissible
+
+    def is_admissible(self, u: Any, du: Any) -> bool:
+        """Whether J stays positive from ``u`` to ``u + du`` and some way beyond."""
+        with self.timer("assembly"):
+            return self.system.max_step(u, du) * TO_THE_BOUNDARY >= 1.0
+
+    def solve(self, u: Any) -> NewtonResult:
+        """Find equilibrium from ``u``, whose prescribed entries stay as they are; ``u`` is changed in place."""
+        iterations: list[Iteration] = []
+        evaluation = self._evaluate(u)
+        correction, step, pivots = math.inf, 0.0, None
+        while True:
+            if not evaluation.admissible:
+                return NewtonResult(False, f"inadmissible state ({evaluation.worst})", evaluation, tuple(iterations))
+            residual, reference = self._norms()
+            small = residual <= self.options.residual * reference
+            if small and step == 1.0 and correction <= self.options.correction:
+                return NewtonResult(True, "converged", evaluation, tuple(iterations), pivots)
+            if len(iterations) >= self.options.max_iterations:
+                reason = (
+                    f"no convergence in {self.options.max_iterations} iterations (residual {residual / reference:.1e})"
+                )
+                return NewtonResult(False, reason, evaluation, tuple(iterations), pivots)
+
+            with self.timer("assembly"):
+                self.system.jacobian(u, self._matrix)
+            self.residual.copy(self._rhs)
+            self._rhs.scale(-1.0)
+            self._clear_constrained(self._rhs)
+            with self.timer("linear solve"):
+                solved = self._linear.solve(self._rhs, self._direction)
+                pivots = self._linear.negative_pivots()
+            if not solved:
+                return NewtonResult(False, "the linear solve failed", evaluation, tuple(iterations), pivots)
+            correction = self._direction.norm(3) / self.system.size  # 3 is PETSc's infinity norm
+            step, evaluation = self._line_search(u, evaluation)
+            iterations.append(Iteration(residual / reference if reference else 0.0, correction, step))
+            if self.on_iteration:
+                self.on_iteration(iterations[-1])
+            if step == 0.0:
+                return NewtonResult(False, "the line search found no decrease", evaluation, tuple(iterations), pivots)
+
+    def _line_search(self, u: Any, before: Evaluation) -> tuple[float, Evaluation]:
+        """Move ``u`` along the direction; the fraction taken and the evaluation there, with the residual updated.
+
+        The potential must decrease as Armijo's rule asks. Where the direction does not descend (the tangent is
+        indefinite) the admissible step is taken as it is.
+        """
+        slope = -self._rhs.dot(self._direction)
+        with self.timer("assembly"):
+            largest = self.system.max_step(u, self._direction)
+        step = min(1.0, TO_THE_BOUNDARY * largest)
+        rounding = ENERGY_ROUNDING * abs(before.energy)
+        u.copy(self._trial)
+        while step >= SHORTEST_STEP:
+            u.waxpy(step, self._direction, self._trial)
+            evaluation = self._evaluate(u)
+            allowed = before.energy + ARMIJO * step * slope + rounding
+            if evaluation.admissible and (slope >= 0.0 or evaluation.energy <= allowed):
+                return step, evaluation
+            step *= 0.5
+        self._trial.copy(u)
+        return 0.0, self._evaluate(u)
+
+    def _evaluate(self, u: Any) -> Evaluation:
+        with self.timer("assembly"):
+            return self.system.residual(u, self.residual)
+
+    def _norms(self) -> tuple[float, float]:
+        """Norm of the residual at free entries, and of all entries (with the reactions)."""
+        reference = self.residual.norm()
+        self.residual.copy(self._rhs)
+        self._clear_constrained(self._rhs)
+        return self._rhs.norm(), reference
+
+    def _clear_constrained(self, vector: Any) -> None:
+        vector.getArray()[self._constrained] = 0.0

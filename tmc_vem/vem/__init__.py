@@ -1,0 +1,1 @@
+"""Stabilization-free virtual elements: monomials, quadrature, projectors, elements and the assembled system."""

@@ -1,0 +1,78 @@
+"""Numbering of the degrees of freedom of the virtual element space over all ranks, through DMPlex's section.
+
+A node carries both displacement components. Nodes of a cell come in the order of the scalar degrees of freedom in
+:mod:`tmc_vem.vem.projector`: vertices, points of the sides in the cell's direction, moments.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from tmc_vem.mesh.distribute import DistributedMesh
+
+Int = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class DofMap:
+    """Local nodes of vertices, edges and cells; degree of freedom ``2 node + component``.
+
+    Attributes:
+        dm: DMPlex with the section; creates global and local vectors and matrices.
+        vertex_nodes: (n_vertices,) local node of each vertex.
+        edge_nodes: (n_edges, k - 1) local nodes along each edge, in the edge's own direction.
+        cell_moments: (n_cells, k (k - 1) / 2) local nodes of each cell's moments.
+        order: k.
+        n_nodes: local nodes on this rank, shared ones included.
+        n_dofs_global: degrees of freedom of the whole system.
+    """
+
+    dm: Any
+    vertex_nodes: Int
+    edge_nodes: Int
+    cell_moments: Int
+    order: int
+    n_nodes: int
+    n_dofs_global: int
+
+    @staticmethod
+    def create(distributed: DistributedMesh, order: int) -> DofMap:
+        """Number the nodes of order ``order`` on a distributed mesh."""
+        dm = distributed.plex.clone()
+        n_edge, n_cell = order - 1, order * (order - 1) // 2
+        section = PETSc.Section().create(comm=distributed.comm)
+        section.setChart(*dm.getChart())
+        parts = (
+            (distributed.cell_points, n_cell),
+            (distributed.vertex_points, 1),
+            (distributed.edge_points, n_edge),
+        )
+        for points, nodes in parts:
+            for point in points.tolist():
+                section.setDof(point, 2 * nodes)
+        section.setUp()
+        dm.setSection(section)
+        cells, vertices, edges = (_nodes(section, points, nodes) for points, nodes in parts)
+        probe = dm.createGlobalVec()
+        n_global = probe.getSize()
+        probe.destroy()
+        return DofMap(dm, vertices[:, 0], edges, cells, order, section.getStorageSize() // 2, n_global)
+
+    def cell_nodes(self, distributed: DistributedMesh, cells: Int, n_sides: int) -> Int:
+        """Nodes (n, n_basis) of cells with ``n_sides`` sides, in the order of the local basis."""
+        sides = distributed.mesh.cell_offsets[cells][:, None] + np.arange(n_sides)
+        vertices = self.vertex_nodes[distributed.mesh.cell_vertices[sides]]
+        along = self.edge_nodes[distributed.edges.cell_edges[sides]]
+        forward = distributed.edges.forward[sides]
+        along = np.where(forward[..., None], along, along[..., ::-1])
+        return np.concatenate([vertices, along.reshape(len(cells), -1), self.cell_moments[cells]], axis=1)
+
+
+def _nodes(section: Any, points: Int, nodes: int) -> Int:
+    offsets = np.fromiter((section.getOffset(p) for p in points.tolist()), dtype=np.int64, count=len(points))
+    return offsets[:, None] // 2 + np.arange(nodes)

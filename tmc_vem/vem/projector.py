@@ -1,0 +1,180 @@
+"""The projectors of the enhanced virtual element space of order k >= 2, vectorised over cells of one shape class.
+
+Scalar degrees of freedom of a polygon with N vertices, in this order: the N vertex values; the values at the k - 1
+interior Gauss-Lobatto points of each side, side after side, each in the direction of the cell's boundary; the
+k (k - 1) / 2 moments ``1/|E| int_E v m_a`` with the scaled monomials of degree up to k - 2.
+
+Source: Xu & Wriggers, CMAME 450 (2026) 118611, section 4.1; in the divergence term of (42) the projection of the full
+order k stands in place of order 1, which would cost one order of convergence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.mesh.geometry import areas, centroids, diameters
+from tmc_vem.vem import monomials
+from tmc_vem.vem.quadrature import gauss, gauss_lobatto
+
+Float = NDArray[np.float64]
+
+
+def n_scalar_dofs(n_sides: int, k: int) -> int:
+    """Scalar degrees of freedom of a polygon with ``n_sides`` sides."""
+    return n_sides * k + k * (k - 1) // 2
+
+
+@dataclass(frozen=True)
+class PolygonGeometry:
+    """Polygons (n_cells, n_sides, 2) in scaled coordinates about their centroids.
+
+    Attributes:
+        xi_cvx: vertices ``(x - x_E) / h_E``.
+        centroid_cx, diameter_c, area_c: x_E, h_E (diameter) and area in the original units.
+        integrals_ca: integrals over the scaled polygon of the monomials of degree up to ``2 degree``.
+        degree: largest degree of a polynomial that will be projected on.
+    """
+
+    xi_cvx: Float
+    centroid_cx: Float
+    diameter_c: Float
+    area_c: Float
+    integrals_ca: Float
+    degree: int
+
+    @staticmethod
+    def of(polygons_cvx: Float, degree: int) -> PolygonGeometry:
+        """Geometry of counter-clockwise polygons for projections on degrees up to ``degree``."""
+        centroid_cx, diameter_c = centroids(polygons_cvx), diameters(polygons_cvx)
+        xi = (polygons_cvx - centroid_cx[:, None]) / diameter_c[:, None, None]
+        return PolygonGeometry(
+            xi, centroid_cx, diameter_c, areas(polygons_cvx), monomials.integrals(2 * degree, xi), degree
+        )
+
+    @property
+    def n_sides(self) -> int:
+        """Number of sides of every polygon."""
+        return self.xi_cvx.shape[1]
+
+    @property
+    def scaled_area_c(self) -> Float:
+        """Area in units of h_E^2."""
+        area: Float = self.integrals_ca[:, 0]
+        return area
+
+    def mass(self, degree: int) -> Float:
+        """Integrals of products of monomials of the given degree over the scaled polygons."""
+        return monomials.mass_matrices(degree, self.integrals_ca)
+
+
+def elliptic_projector(geometry: PolygonGeometry, k: int) -> Float:
+    """Pi_nabla_k of (36): coefficients (n_cells, dim P_k, n_dofs) in scaled monomials.
+
+    ``int grad(Pi v - v) . grad p = 0`` for all p in P_k and equal mean values. The right-hand side needs v on the
+    boundary, where it is a known polynomial, and moments of degree k - 2.
+    """
+    n_sides = geometry.n_sides
+    d_xi, d_eta = monomials.derivative_matrices(k)
+    mass = geometry.mass(k)
+    stiffness = d_xi @ mass @ d_xi.T + d_eta @ mass @ d_eta.T
+    n_moments = monomials.dimension(k - 2)
+
+    rhs = boundary_products(geometry, k, k, d_xi, d_eta)  # int_dE v dm/dn
+    laplacian = d_xi @ d_xi + d_eta @ d_eta  # rows are monomials, columns degree k - 2 at most
+    moments = slice(n_sides * k, n_sides * k + n_moments)
+    rhs[:, :, moments] -= geometry.scaled_area_c[:, None, None] * laplacian[:, :n_moments]
+
+    # the constant is fixed by the mean value, which is the moment of degree 0
+    stiffness[:, 0] = geometry.integrals_ca[:, : monomials.dimension(k)]
+    rhs[:, 0] = 0.0
+    rhs[:, 0, n_sides * k] = geometry.scaled_area_c
+    projector: Float = np.linalg.solve(stiffness, rhs)
+    return projector
+
+
+def moments_of_basis(geometry: PolygonGeometry, k: int, degree: int, elliptic_cad: Float) -> Float:
+    """``int_E v m`` over the scaled polygons for all monomials up to ``degree``: (n_cells, dim P_degree, n_dofs).
+
+    Up to degree k - 2 these are degrees of freedom; beyond, those of Pi_nabla_k v (enhanced space).
+    """
+    n_projected = monomials.dimension(k)
+    mass = geometry.mass(max(degree, k))[:, : monomials.dimension(degree), :n_projected]
+    moments: Float = mass @ elliptic_cad
+    known = monomials.dimension(min(k - 2, degree))
+    moments[:, :known] = 0.0
+    for a in range(known):
+        moments[:, a, geometry.n_sides * k + a] = geometry.scaled_area_c
+    return moments
+
+
+def gradient_projector(geometry: PolygonGeometry, k: int, degree: int, elliptic_cad: Float) -> tuple[Float, Float]:
+    """Pi0_l grad of (41): coefficients of d/dx and d/dy in scaled monomials of P_l, (n_cells, dim P_l, n_dofs) each.
+
+    ``int p . Pi(grad v) = int_dE (p . n) v - int_E (div p) v`` for all p in [P_l]^2. The results are derivatives with
+    respect to x and y (they include the factor 1 / h_E).
+    """
+    d_xi, d_eta = monomials.derivative_matrices(degree)
+    n_lower = monomials.dimension(degree - 1)
+    moments = moments_of_basis(geometry, k, degree - 1, elliptic_cad)
+    identity = np.eye(monomials.dimension(degree))
+    zero = np.zeros_like(identity)
+    rhs_x = boundary_products(geometry, k, degree, identity, zero) - d_xi[:, :n_lower] @ moments
+    rhs_y = boundary_products(geometry, k, degree, zero, identity) - d_eta[:, :n_lower] @ moments
+    both = np.concatenate([rhs_x, rhs_y], axis=2)
+    solution = solve_with_mass(geometry.mass(degree), both) / geometry.diameter_c[:, None, None]
+    n_dofs = rhs_x.shape[2]
+    return solution[:, :, :n_dofs], solution[:, :, n_dofs:]
+
+
+def solve_with_mass(mass_cab: Float, rhs_cad: Float) -> Float:
+    """Solution with mass matrices of monomials, whose condition numbers a scaling to unit diagonal brings down."""
+    scale = 1.0 / np.sqrt(np.einsum("caa->ca", mass_cab))
+    scaled = mass_cab * scale[:, :, None] * scale[:, None, :]
+    solution: Float = scale[:, :, None] * np.linalg.solve(scaled, scale[:, :, None] * rhs_cad)
+    return solution
+
+
+def boundary_products(geometry: PolygonGeometry, k: int, degree: int, p_xi: Float, p_eta: Float) -> Float:
+    """``int_dE (p . n) v`` over the scaled boundary: (n_cells, n_p, n_dofs).
+
+    Args:
+        geometry: the polygons.
+        k: order of the element; v is a polynomial of degree k on every side.
+        degree: degree of the vector fields p, up to which the edge rule is exact.
+        p_xi, p_eta: (n_p, dim P_degree) coefficients of the components of p.
+    """
+    n_sides, n_cells = geometry.n_sides, len(geometry.xi_cvx)
+    points, weights = gauss((degree + k) // 2 + 1)
+    following = np.roll(geometry.xi_cvx, -1, axis=1)
+    nodes_csqx = np.subtract(1.0, points)[:, None] * geometry.xi_cvx[:, :, None] + points[:, None] * following[:, :, None]
+    tangent = following - geometry.xi_cvx
+    normal_csx = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)  # outward normal times the side's length
+    m = monomials.values(degree, nodes_csqx.reshape(n_cells, -1, 2)).reshape(n_cells, n_sides, len(points), -1)
+    shape_qn = edge_basis(k, points)  # values of the k + 1 nodal polynomials of a side
+
+    # int_side m_a v n for every node of every side, then from sides to degrees of freedom
+    side_csan = np.swapaxes(m, 2, 3) @ (weights[:, None] * shape_qn)
+    flux_cspn = normal_csx[..., 0, None, None] * (p_xi @ side_csan) + normal_csx[..., 1, None, None] * (
+        p_eta @ side_csan
+    )
+    result = np.zeros((n_cells, p_xi.shape[0], n_scalar_dofs(n_sides, k)))
+    for side in range(n_sides):
+        result[:, :, side] += flux_cspn[:, side, :, 0]
+        result[:, :, (side + 1) % n_sides] += flux_cspn[:, side, :, k]
+        first = n_sides + side * (k - 1)
+        result[:, :, first : first + k - 1] += flux_cspn[:, side, :, 1:k]
+    return result
+
+
+def edge_basis(k: int, points: Float) -> Float:
+    """Lagrange polynomials (n_points, k + 1) of the Gauss-Lobatto nodes on [0, 1]."""
+    nodes, _ = gauss_lobatto(k + 1)
+    basis = np.ones((len(points), k + 1))
+    for n in range(k + 1):
+        for other in range(k + 1):
+            if other != n:
+                basis[:, n] *= (points - nodes[other]) / (nodes[n] - nodes[other])
+    return basis
