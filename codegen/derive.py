@@ -120,7 +120,16 @@ def differentiate(traced: TracedEnergy) -> DerivedEnergy:
     plain_gradient = gradient if gradient_source is plain_energy else tuple(_derivatives(plain_energy, X_SYMBOLS))
     rows = [_derivatives(plain_gradient[a], X_SYMBOLS[a:]) for a in range(N_X)]
     hessian = tuple(entry for row in rows for entry in row)
-    return DerivedEnergy(traced.name, traced.parameters, energy, gradient, hessian, traced.uses_second_gradient)
+    return DerivedEnergy(
+        name=traced.name,
+        parameters=traced.parameters,
+        energy=energy,
+        gradient=gradient,
+        hessian=hessian,
+        plain_energy=plain_energy,
+        plain_gradient=plain_gradient,
+        uses_second_gradient=traced.uses_second_gradient,
+    )
 
 
 def _derivatives(expression: SymExpr, variables: Sequence[SymExpr]) -> list[SymExpr]:

@@ -15,6 +15,8 @@ class DerivedEnergy:
     """Energy, gradient and upper triangle of the Hessian as sympy expressions in F, G, J and the parameters.
 
     ``gradient[a]`` is ``d psi / d x_a`` and ``hessian[n]`` belongs to the pair ``ordering.UPPER_TRIANGLE[n]``.
+    ``energy`` and ``gradient`` are in the form that is accurate near F = I, ``plain_energy`` and ``plain_gradient`` in
+    the form that people read.
     """
 
     name: str
@@ -22,6 +24,8 @@ class DerivedEnergy:
     energy: SymExpr
     gradient: tuple[SymExpr, ...]
     hessian: tuple[SymExpr, ...]
+    plain_energy: SymExpr
+    plain_gradient: tuple[SymExpr, ...]
     uses_second_gradient: bool
 
 
@@ -46,11 +50,18 @@ class Schedule:
 
 @dataclass(frozen=True)
 class KernelSource:
-    """The generated C translation unit and what is worth knowing about it."""
+    """The generated C translation unit and what is worth knowing about it.
+
+    Attributes:
+        c_source: the kernel, complete in itself.
+        header: its declarations, for programs in C and C++ that call it.
+        operations: of a point by level, after sharing subexpressions; ``operations_before`` before that.
+    """
 
     name: str
     parameters: tuple[str, ...]
     c_source: str
+    header: str
     uses_second_gradient: bool
     operations: dict[str, int]
     operations_before: dict[str, int]

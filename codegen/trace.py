@@ -178,7 +178,10 @@ class ParameterNamespace:
             raise AttributeError(name)
         if name not in self._names:
             declared = ", ".join(self._names) or "none"
-            self._recorder.fail(f"parameter p.{name} is not declared (declared: {declared}); add its name")
+            self._recorder.fail(
+                f"parameter p.{name} is not declared (declared: {declared}); "
+                f"write @energy(parameters={{'{name}': 1.0}}) above it or give --param {name}=VALUE"
+            )
         return self._recorder.add("parameter", value=name)
 
 
@@ -195,6 +198,7 @@ def trace(density: Density, name: str, parameters: Sequence[str]) -> TracedEnerg
             depend on F or G, or does not return one scalar.
     """
     recorder = Recorder(name)
+    _check_names(recorder, parameters)
     F: list[list[Any]] = [[None, None], [None, None]]
     G: list[list[list[Any]]] = [[[None, None], [None, None]], [[None, None], [None, None]]]
     for (i, j), f_name in zip(F_INDICES, F_NAMES, strict=True):
@@ -227,6 +231,14 @@ def trace(density: Density, name: str, parameters: Sequence[str]) -> TracedEnerg
         result=index[result.index],
         uses_second_gradient=any(variable.startswith("G") for variable in variables),
     )
+
+
+def _check_names(recorder: Recorder, parameters: Sequence[str]) -> None:
+    for parameter in parameters:
+        if not (parameter.isidentifier() and parameter.isascii()):
+            recorder.fail(f"parameter '{parameter}' is no name; use ASCII letters, digits and _ only")
+        if list(parameters).count(parameter) > 1:
+            recorder.fail(f"parameter '{parameter}' is declared twice; rename one of the two")
 
 
 def _describe(value: Any) -> str:

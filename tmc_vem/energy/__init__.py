@@ -1,5 +1,7 @@
 """Energy densities: plain functions of (F, G, p, m), written once and used by every path."""
 
+from typing import Any
+
 from tmc_vem.energy.registry import (
     DENSITIES,
     REGULARISERS,
@@ -21,3 +23,15 @@ __all__ = [
     "hyperelastic_solid",
     "third_medium",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Built-in energies and regularisers by name, so that ``tmc_vem.energy:medium_angle`` names one."""
+    for table in (DENSITIES, REGULARISERS):
+        if name in table:
+            return table[name]
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *DENSITIES, *REGULARISERS})

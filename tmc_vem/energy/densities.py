@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from tmc_vem.energy import kinematics as kin
+from tmc_vem.energy.declare import declare
 from tmc_vem.energy.kinematics import Scalar, Tensor
 
 
@@ -53,10 +54,13 @@ def angle(F: Tensor, G: Tensor, p: Any, m: Any) -> Scalar:
     return (kin.squared_norm(grad_phi) + kin.squared_norm(kin.gradient_of_det(F, G))) / 2
 
 
+@declare(objective=False, max_rotation=90.0)
 def tangent(F: Tensor, G: Tensor, p: Any, m: Any) -> Scalar:
     """Regulariser (16), ``1/2 (grad t . grad t + grad J . grad J)`` with ``t = (F12 - F21) / (F11 + F22)``.
 
-    Singular where F11 + F22 = 0, that is at rotations of 90 degrees: use `angle` for large rotations.
+    Singular where F11 + F22 = 0, that is at rotations of 90 degrees, and not frame indifferent: as
+    ``grad t = grad phi / cos^2 phi``, the first part grows with ``cos^-4`` of a superposed rotation. Use `angle` for
+    large rotations.
     """
     a, b = F[0][1] - F[1][0], F[0][0] + F[1][1]
     t, inverse = a / b, 1 / b

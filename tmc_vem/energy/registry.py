@@ -8,7 +8,10 @@ from typing import Any
 
 from tmc_vem.energy import densities
 from tmc_vem.energy import kinematics as kin
+from tmc_vem.energy.declare import declare, declared
 from tmc_vem.errors import InputError
+
+_PASSED_ON = ("objective", "stress_free", "max_rotation")  # what is true of a regulariser is true of its medium
 
 Density = Callable[[Any, Any, Any, Any], Any]
 
@@ -70,21 +73,30 @@ def third_medium(regulariser: Regulariser, *, damped: bool) -> Energy:
     """Third medium (4), ``gamma (psi_m + alpha_r psi_r)``; damped: ``psi_r`` times ``exp(-beta J)`` as in (8).
 
     The factor stands inside the energy, as in the paper's Appendix B, so the tangent is symmetric. ``alpha_r`` has
-    the unit of length squared for the regularisers (6) and (9).
-    """
+    the unit of length squared for the regularisers (6) and (9). The kernel takes the values in the order mu, gamma,
+    alpha_r, beta (if damped), then the regulariser's own.
 
+    Raises:
+        InputError: a parameter of the regulariser has the name of one of these.
+    """
+    own = ("mu", "gamma", "alpha_r", *(("beta",) if damped else ()))
+    taken = [name for name in regulariser.parameters if name in own]
+    if taken:
+        raise InputError(f"regulariser '{regulariser.name}': the medium has a parameter '{taken[0]}' too; rename it")
+    facts = {key: value for key, value in declared(regulariser.density).items() if key in _PASSED_ON}
+
+    @declare(**facts)
     def density(F: Any, G: Any, p: Any, m: Any) -> Any:
         psi_r = regulariser.density(F, G, p, m)
         if damped:
             psi_r = m.exp(-p.beta * kin.det(F)) * psi_r
         return p.gamma * (densities.medium(F, G, p, m) + p.alpha_r * psi_r)
 
-    parameters = ("mu", "gamma", "alpha_r", *(("beta",) if damped else ()), *regulariser.parameters)
     damping = " with exp(-beta J)" if damped else ""
     return Energy(
         energy_name(regulariser, damped),
         density,
-        parameters,
+        (*own, *regulariser.parameters),
         f"third medium (4) with regulariser {regulariser.name} {regulariser.equation}{damping}",
     )
 

@@ -1,0 +1,129 @@
+"""The command ``python -m codegen``: generate, show and check the kernel of an energy."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import click
+
+from codegen.build import compile_library
+from codegen.compiler import derive, generate, versions
+from codegen.errors import CodegenError
+from codegen.kernel import Kernel
+from codegen.show import derivation
+from codegen.trace import trace
+from codegen.userfile import LoadedDensity, load_density
+from codegen.verify import DECLARED_OTHERWISE, Finding, verify
+
+UNSET = 1.0  # value at which a parameter without a given one is checked
+
+
+class _OneLineErrors(click.Command):
+    """Reports a CodegenError in one line with exit code 2."""
+
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            return super().invoke(ctx)
+        except CodegenError as error:
+            click.echo(f"Error: {error}", err=True)
+            ctx.exit(error.exit_code)
+
+
+def _parse_parameters(_ctx: click.Context, _option: click.Parameter, values: Sequence[str]) -> dict[str, float]:
+    parsed = {}
+    for text in values:
+        name, separator, number = text.partition("=")
+        try:
+            parsed[name.strip()] = float(number)
+        except ValueError:
+            separator = ""
+        if not separator or not name.strip():
+            raise click.BadParameter(f"'{text}' is not name=value, for example kappa=0.1")
+    return parsed
+
+
+@click.command("codegen", cls=_OneLineErrors)
+@click.argument("energy", metavar="FILE.py:FUNCTION")
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Directory to write NAME.c and NAME.h to.")
+@click.option("--check", is_flag=True, help="Compile the kernel and verify values, derivatives and objectivity.")
+@click.option("--show", is_flag=True, help="Print the symbolic energy, P, T and operation counts.")
+@click.option(
+    "--param",
+    "values",
+    multiple=True,
+    metavar="NAME=VALUE",
+    callback=_parse_parameters,
+    help="Parameter of the energy with its value; repeat for several. Declares it if the file does not.",
+)
+def main(energy: str, output: Path | None, check: bool, show: bool, values: dict[str, float]) -> None:
+    """Generate the C kernel of an energy density written in Python.
+
+    FILE.py:FUNCTION names a function density(F, G, p, m); package.module:FUNCTION works as well.
+    """
+    if not (output or check or show):
+        raise CodegenError("nothing to do: give -o DIR to write the kernel, --check or --show")
+    loaded = load_density(energy).with_values(values)
+    traced = trace(loaded.function, loaded.name, tuple(loaded.parameters))
+    source = generate(traced, loaded.description, versions())
+    if output:
+        for path in _write(output, loaded.name, {".c": source.c_source, ".h": source.header}):
+            click.echo(f"wrote {path}")
+    if show:
+        for line in derivation(derive(traced), source):
+            click.echo(line)
+    if check and not _check(loaded, source.c_source):
+        click.get_current_context().exit(1)
+
+
+def _write(directory: Path, name: str, texts: Mapping[str, str]) -> list[Path]:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        paths = []
+        for suffix, text in texts.items():
+            paths.append(directory / f"{name}{suffix}")
+            paths[-1].write_text(text)
+    except OSError as error:
+        raise CodegenError(f"cannot write to {directory}: {error.strerror}") from error
+    return paths
+
+
+def _check(loaded: LoadedDensity, c_source: str) -> bool:
+    """Compile the generated text, print the verification table, and say whether everything passed."""
+    values = {name: UNSET if value is None else value for name, value in loaded.parameters.items()}
+    with tempfile.TemporaryDirectory() as scratch:
+        library = Path(scratch) / f"{loaded.name}.so"
+        compile_library(c_source, library)
+        kernel = Kernel(library, loaded.name, tuple(values))
+        findings = verify(kernel, loaded.function, values, loaded.declared)
+    _print_table(loaded, values, findings)
+    return all(finding.passed for finding in findings)
+
+
+def _print_table(loaded: LoadedDensity, values: Mapping[str, float], findings: Sequence[Finding]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    given = ", ".join(
+        f"{name} = {value:g}{' (no value given)' if loaded.parameters[name] is None else ''}"
+        for name, value in values.items()
+    )
+    table = Table(title=f"{loaded.name}{': ' + given if given else ''}", title_justify="left")
+    for heading in ("property", "measured", "required", ""):
+        table.add_column(heading, justify="right" if heading in ("measured", "required") else "left")
+    for finding in findings:
+        table.add_row(finding.what, finding.measured, finding.required, _verdict(finding))
+    console.print(table)
+    for finding in findings:
+        if finding.words:
+            console.print(f"{'note' if finding.passed else 'FAIL'}: {finding.words}", markup=False, soft_wrap=True)
+    failed = sum(not finding.passed for finding in findings)
+    console.print(f"{loaded.name}: {failed} of {len(findings)} checks failed" if failed else f"{loaded.name}: verified")
+
+
+def _verdict(finding: Finding) -> str:
+    if not finding.passed:
+        return "[red]FAIL[/red]"
+    return "[yellow]-[/yellow]" if finding.required == DECLARED_OTHERWISE else "[green]pass[/green]"

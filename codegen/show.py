@@ -1,0 +1,29 @@
+"""Print the derivations of an energy for reading: psi, P, T and what sharing subexpressions saves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from codegen.ir import LEVELS, DerivedEnergy, KernelSource
+from codegen.ordering import F_INDICES, G_INDICES, N_F
+
+
+def derivation(derived: DerivedEnergy, source: KernelSource) -> Iterator[str]:
+    """Lines with the symbolic energy, its first derivatives and the operation counts."""
+    import sympy as sp
+
+    def text(expression: object) -> str:
+        names = {symbol: sp.Symbol(str(symbol).removeprefix("p_")) for symbol in expression.free_symbols}  # type: ignore[attr-defined]
+        return str(sp.sstr(sp.factor_terms(expression).xreplace(names)))
+
+    yield f"{derived.name}({', '.join(derived.parameters)}), with J = det F:"
+    yield f"  psi = {text(derived.plain_energy)}"
+    for (i, j), value in zip(F_INDICES, derived.plain_gradient[:N_F], strict=True):
+        yield f"  P{i + 1}{j + 1} = {text(value)}"
+    for (i, j, k), value in zip(G_INDICES, derived.plain_gradient[N_F:], strict=True):
+        yield f"  T{i + 1}{j + 1}{k + 1} = {text(value)}"
+    zeros = sum(entry == 0 for entry in derived.hessian)
+    yield f"  {len(derived.hessian) - zeros} of the {len(derived.hessian)} second derivatives are not identically zero"
+    yield "operations at a point, before and after sharing subexpressions:"
+    for level in LEVELS:
+        yield f"  {level:8} {source.operations_before[level]:6} {source.operations[level]:6}"

@@ -1,0 +1,237 @@
+"""Check a compiled energy: values, derivatives and the properties that a strain energy must have.
+
+The kernel is compared with numpy evaluations of the density and its derivatives with its own values by Taylor
+expansions, so nothing here relies on the symbolic derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codegen import oracle
+from codegen.declare import Declaration
+from codegen.kernel import ENERGY, GRADIENT, TANGENT, Kernel
+from codegen.ordering import N_X, X_NAMES
+from codegen.states import REGIMES, SAFETY_ANGLE, Regime, directions, from_vector, rotate, sample
+
+Array = NDArray[np.float64]
+
+N_STATES = 40
+VALUE_LIMIT = 1e-9  # numpy, not the kernel, loses digits where J is small
+DIFFERENCE_LIMIT = 1e-5
+REFERENCE_LIMIT = 1e-12
+EXACT = 1e-12
+DECLARED_OTHERWISE = "declared otherwise"
+DERIVATIVE_NAMES = tuple(f"{'P' if name[0] == 'F' else 'T'}{name[1:]}" for name in X_NAMES)
+STEPS = 0.02 * 0.5 ** np.arange(5)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One checked property.
+
+    Attributes:
+        what: the property.
+        measured: the figure, as text.
+        required: what it must be, as text.
+        passed: the verdict.
+        words: what is wrong, or what to know, in a sentence; empty if there is nothing to say.
+    """
+
+    what: str
+    measured: str
+    required: str
+    passed: bool
+    words: str = ""
+
+
+def verify(
+    kernel: Kernel,
+    density: Callable[..., Any],
+    parameters: Mapping[str, float],
+    declared: Declaration | None = None,
+    seed: int = 0,
+) -> list[Finding]:
+    """All findings about a kernel; it is sound if all of them passed.
+
+    Args:
+        kernel: the compiled energy.
+        density: the function that it came from.
+        parameters: values of its parameters.
+        declared: what the author stated about it.
+        seed: of the random states.
+    """
+    return list(_findings(kernel, density, parameters, declared or Declaration(), np.random.default_rng(seed)))
+
+
+def _findings(
+    kernel: Kernel,
+    density: Callable[..., Any],
+    values: Mapping[str, float],
+    declared: Declaration,
+    rng: np.random.Generator,
+) -> Iterator[Finding]:
+    states = {regime: sample(regime, N_STATES, rng, declared.max_rotation) for regime in REGIMES}
+    everything = np.concatenate(list(states.values()))
+    array = kernel.parameter_array(values)
+
+    finite = _finite(kernel, array, everything, declared)
+    yield finite
+    if not finite.passed:
+        return
+    yield _against_numpy(kernel, array, density, values, everything)
+    for regime, x_nx in states.items():
+        yield from _taylor(kernel, array, regime, x_nx, rng)
+    yield _symmetry(kernel, array, everything)
+    yield _objectivity(kernel, array, everything, declared, rng)
+    yield from _reference_state(kernel, array, declared)
+    if declared.gradient is not None:
+        yield _hand_written(kernel, array, declared.gradient, values, everything)
+
+
+def _all_derivatives(kernel: Kernel, array: Array, x_nx: Array) -> tuple[Array, Array, Array]:
+    psi, g, h = kernel.points(TANGENT, x_nx, array)
+    assert g is not None
+    assert h is not None
+    return psi, g, h
+
+
+def _gradient(kernel: Kernel, array: Array, x_nx: Array) -> Array:
+    g = kernel.points(GRADIENT, x_nx, array)[1]
+    assert g is not None
+    return g
+
+
+def _finite(kernel: Kernel, array: Array, x_nx: Array, declared: Declaration) -> Finding:
+    psi, g, h = _all_derivatives(kernel, array, x_nx)
+    good = np.isfinite(psi) & np.isfinite(g).all(axis=1) & np.isfinite(h).all(axis=(1, 2))
+    rotation = min(declared.max_rotation - SAFETY_ANGLE, max(regime.rotation for regime in REGIMES))
+    what = f"finite, J 1e-4 to 3, rotation to {rotation:.0f} deg"
+    words = ""
+    if not good.all():
+        state = ", ".join(f"{v:.3g}" for v in x_nx[np.argmin(good)])
+        words = f"The energy or a derivative is infinite or not a number at [F - I, G] = [{state}]."
+    elif declared.max_rotation < 180.0:
+        words = f"Declared for rotations below {declared.max_rotation:.0f} degrees only; nothing was checked beyond."
+    return Finding(what, f"{good.sum()} of {len(good)}", "all", bool(good.all()), words)
+
+
+def _against_numpy(
+    kernel: Kernel, array: Array, density: Callable[..., Any], values: Mapping[str, float], x_nx: Array
+) -> Finding:
+    psi = kernel.points(ENERGY, x_nx, array)[0]
+    expected = oracle.energy_density(density, x_nx, values)
+    error = float(np.max(_relative(psi, expected)))
+    words = "" if error < VALUE_LIMIT else "The kernel and the Python function disagree: please report it."
+    return Finding("energy against numpy", f"{error:.1e}", f"< {VALUE_LIMIT:.0e}", error < VALUE_LIMIT, words)
+
+
+def _relative(psi: Array, expected: Array) -> Array:
+    """Relative differences; where the energy happens to be tiny, relative to a millionth of the usual size."""
+    size = np.abs(expected)
+    return np.asarray(np.abs(psi - expected) / np.maximum(size, 1e-6 * np.median(size) + np.finfo(float).tiny))
+
+
+def _taylor(kernel: Kernel, array: Array, regime: Regime, x_nx: Array, rng: np.random.Generator) -> Iterator[Finding]:
+    """Decay of ``psi(x + h d) - psi - h g.d`` (rate 2) and of the same less ``h^2/2 d.H.d`` (rate 3)."""
+    d_nx = directions(x_nx, rng)
+    psi, g, h = _all_derivatives(kernel, array, x_nx)
+    slope = np.einsum("nx,nx->n", g, d_nx)
+    curvature = np.einsum("nx,nxy,ny->n", d_nx, h, d_nx)
+    scale = np.abs(psi) + np.abs(slope) + np.abs(curvature) + np.finfo(float).tiny
+    first, second = [], []
+    for step in STEPS:
+        ahead = kernel.points(ENERGY, x_nx + step * d_nx, array)[0]
+        remainder = ahead - psi - step * slope
+        first.append(remainder / scale)
+        second.append((remainder - step**2 / 2 * curvature) / scale)
+    yield _rate_finding(f"gradient, Taylor rate, {regime.name}", first, 2, "The gradient is not that of the energy.")
+    yield _rate_finding(f"Hessian, Taylor rate, {regime.name}", second, 3, "The Hessian is not that of the energy.")
+
+
+def _rate_finding(what: str, remainders: list[Array], order: int, words: str) -> Finding:
+    required = f"> {order - 0.1:.1f}"
+    size = np.array([np.sqrt(np.mean(r**2)) for r in remainders])
+    if size[0] < EXACT:  # the energy is a polynomial of lower degree: there is nothing left to decay
+        return Finding(what, "exact", required, True)
+    rate = float(np.polyfit(np.log(STEPS[-3:]), np.log(size[-3:]), 1)[0]) if np.isfinite(size).all() else np.nan
+    passed = rate > order - 0.1
+    return Finding(what, f"{rate:.2f}", required, passed, "" if passed else words)
+
+
+def _symmetry(kernel: Kernel, array: Array, x_nx: Array) -> Finding:
+    """Derivatives of the gradient by central differences: they must be symmetric and equal to the Hessian."""
+    h = _all_derivatives(kernel, array, x_nx)[2]
+    differences = np.empty_like(h)
+    F = from_vector(x_nx)[0]
+    step = 3e-5 * np.minimum(1.0, np.linalg.det(F) / np.abs(F).max(axis=(1, 2)))
+    for b in range(N_X):
+        ahead, behind = x_nx.copy(), x_nx.copy()
+        ahead[:, b] += step
+        behind[:, b] -= step
+        change = _gradient(kernel, array, ahead) - _gradient(kernel, array, behind)
+        differences[:, :, b] = change / (ahead[:, b] - behind[:, b])[:, None]
+    size = np.abs(h).max(axis=(1, 2))[:, None, None]
+    skew = float(np.max(np.abs(differences - differences.swapaxes(1, 2)) / size))
+    wrong = float(np.max(np.abs(differences - h) / size))
+    worst = max(skew, wrong)
+    passed = worst < DIFFERENCE_LIMIT
+    words = "" if passed else "The Hessian is not the derivative of the gradient, or that is not symmetric."
+    return Finding("Hessian symmetric, against differences", f"{worst:.1e}", f"< {DIFFERENCE_LIMIT:.0e}", passed, words)
+
+
+def _objectivity(kernel: Kernel, array: Array, x_nx: Array, declared: Declaration, rng: np.random.Generator) -> Finding:
+    angles = rng.uniform(5.0, 170.0, len(x_nx))
+    psi = kernel.points(ENERGY, x_nx, array)[0]
+    turned = kernel.points(ENERGY, rotate(x_nx, angles), array)[0]
+    change = _relative(turned, psi)
+    worst = int(np.nanargmax(change)) if np.isfinite(change).any() else 0
+    objective = bool(change[worst] < VALUE_LIMIT)
+    words = ""
+    if not objective:
+        effect = f"{angles[worst]:.0f} degrees changes psi from {psi[worst]:.3g} to {turned[worst]:.3g}"
+        words = f"The energy is not objective (frame indifferent): a superposed rotation of {effect}"
+        words += ", as declared." if not declared.objective else "; psi(QF, QG) must equal psi(F, G)."
+    elif not declared.objective:
+        words = "Declared as not objective, but no superposed rotation changed it."
+    required = f"< {VALUE_LIMIT:.0e}" if declared.objective else DECLARED_OTHERWISE
+    passed = objective or not declared.objective
+    return Finding("unchanged by superposed rotation", f"{change[worst]:.1e}", required, passed, words)
+
+
+def _reference_state(kernel: Kernel, array: Array, declared: Declaration) -> Iterator[Finding]:
+    psi, g, h = _all_derivatives(kernel, array, np.zeros((1, N_X)))
+    size = float(np.abs(h).max() + np.finfo(float).tiny)
+    required = f"< {REFERENCE_LIMIT:.0e}" if declared.stress_free else DECLARED_OTHERWISE
+    advice = "" if declared.stress_free else " As declared."
+    energy = abs(float(psi[0])) / size
+    worst = int(np.abs(g[0]).argmax())
+    stress = abs(float(g[0, worst])) / size
+    energy_words = f"The energy at F = I is {psi[0]:.4g}, not 0: subtract it."
+    stress_words = (
+        f"F = I is not free of stress: {DERIVATIVE_NAMES[worst]} = {g[0, worst]:.4g} "
+        "(in plane strain tr C = F:F + 1, as F33 = 1)."
+    )
+    for what, value, words in (("energy", energy, energy_words), ("stress", stress, stress_words)):
+        fine = value < REFERENCE_LIMIT  # False for NaN
+        passed = fine or not declared.stress_free
+        yield Finding(f"{what} at F = I", f"{value:.1e}", required, passed, "" if fine else words + advice)
+
+
+def _hand_written(
+    kernel: Kernel, array: Array, hook: Callable[..., Any], values: Mapping[str, float], x_nx: Array
+) -> Finding:
+    g = _gradient(kernel, array, x_nx)
+    error_nx = np.abs(oracle.hand_written_gradient(hook, x_nx, values) - g) / np.abs(g).max(axis=1)[:, None]
+    worst = int(error_nx.max(axis=0).argmax())
+    error = float(error_nx[:, worst].max())
+    words = ""
+    if not error < VALUE_LIMIT:
+        wrong = [DERIVATIVE_NAMES[a] for a in range(N_X) if not error_nx[:, a].max() < VALUE_LIMIT]
+        words = f"The hand-written gradient is wrong: its components {', '.join(wrong)} are not the energy's."
+    return Finding("hand-written gradient", f"{error:.1e}", f"< {VALUE_LIMIT:.0e}", error < VALUE_LIMIT, words)
