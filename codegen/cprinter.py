@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sympy.printing.c import C99CodePrinter
+from sympy.printing.precedence import PRECEDENCE
 
 from codegen.ir import SymExpr
 
@@ -15,10 +16,15 @@ class KernelPrinter(C99CodePrinter):  # type: ignore[misc]
     def _print_Pow(self, expr: SymExpr) -> str:
         base, exponent = expr.args
         if exponent.is_Integer and 2 <= exponent <= 16:
-            return self._product(self.parenthesize(base, 1000), int(exponent))
+            return self._product(self.parenthesize(base, PRECEDENCE["Atom"], strict=True), int(exponent))
         if exponent.is_Rational and exponent.q == 2 and exponent.p == 1:
             return f"sqrt({self._print(base)})"
         return str(super()._print_Pow(expr))
+
+    def parenthesize(self, item: SymExpr, level: int, strict: bool = False) -> str:
+        if item.is_Rational and item > 0:  # printed as one decimal number, which needs no parentheses
+            return str(self._print(item))
+        return str(super().parenthesize(item, level, strict))
 
     def _product(self, base: str, exponent: int) -> str:
         """Balanced product, so that the compiler sees the squares it can share."""

@@ -36,7 +36,8 @@ def sample(regime: Regime, n: int, rng: np.random.Generator, max_rotation: float
     rotation = min(regime.rotation, max_rotation - SAFETY_ANGLE)
     J = np.exp(rng.uniform(np.log(regime.j_min), np.log(regime.j_max), n))
     angle = rng.uniform(-rotation, rotation, n)
-    J[:2], angle[:4] = (regime.j_min, regime.j_max), (rotation, -rotation, rotation, -rotation)
+    J[:2] = (regime.j_min, regime.j_max)[:n]
+    angle[:4] = (rotation, -rotation, -rotation, rotation)[:n]
     ratio = np.exp(rng.uniform(0.0, np.log(regime.stretch_ratio), n))
     stretches = np.sqrt(np.stack([J * ratio, J / ratio], axis=1))
     axes = rotation_matrix(rng.uniform(0.0, 180.0, n))

@@ -71,10 +71,21 @@ def load_density(target: str) -> LoadedDensity:
         names = [name for name in dir(module) if not name.startswith("_") and _is_energy(module, name)]
         there = f"it has {', '.join(names)}" if names else "it has no functions"
         raise CodegenError(f"{place} has no '{attribute}'; {there}") from None
-    return _as_density(found, attribute, place)
+    return as_density(found, attribute, f"{place}: ")
 
 
-def _as_density(found: Any, name: str, place: str) -> LoadedDensity:
+def as_density(found: Any, name: str = "", place: str = "") -> LoadedDensity:
+    """A density from a function, or from an object with the attributes ``density``, ``name`` and ``parameters``.
+
+    Args:
+        found: the function or object.
+        name: what to call it; its own name if empty.
+        place: where it was found, put before error messages.
+
+    Raises:
+        CodegenError: it is not a function of ``(F, G, p, m)``.
+    """
+    name = name or str(getattr(found, "__name__", getattr(found, "name", "energy")))
     function, description = found, ""
     parameters: dict[str, float | None] = {}
     if hasattr(found, "density") and hasattr(found, "parameters"):
@@ -82,13 +93,13 @@ def _as_density(found: Any, name: str, place: str) -> LoadedDensity:
         name, description = str(getattr(found, "name", name)), str(getattr(found, "description", ""))
         parameters = dict.fromkeys(found.parameters)
     if not callable(function):
-        raise CodegenError(f"{place}: '{name}' is of type {type(function).__name__}, not a function {name}{SIGNATURE}")
+        raise CodegenError(f"{place}'{name}' is of type {type(function).__name__}, not a function {name}{SIGNATURE}")
     with contextlib.suppress(ValueError):  # builtins have no signature to look at
         signature = inspect.signature(function)
         try:
             signature.bind(*"FGpm")
         except TypeError:
-            raise CodegenError(f"{place}: '{name}{signature}' does not take {SIGNATURE}; give it these four") from None
+            raise CodegenError(f"{place}'{name}{signature}' does not take {SIGNATURE}; give it these four") from None
     declared = declaration(function, name)
     parameters.update(declared.parameters)
     description = description or (inspect.getdoc(function) or "").partition("\n")[0]
