@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tmc_vem.problems import Box, Material, Medium
     from tmc_vem.results import RunResult
-    from tmc_vem.run import RunOptions, run
+    from tmc_vem.simulation import RunOptions, run
 
 __version__ = "0.1.0"
 
@@ -19,9 +19,9 @@ _LAZY = {
     "Box": "tmc_vem.problems",
     "Material": "tmc_vem.problems",
     "Medium": "tmc_vem.problems",
-    "RunOptions": "tmc_vem.run",
+    "RunOptions": "tmc_vem.simulation",
     "RunResult": "tmc_vem.results",
-    "run": "tmc_vem.run",
+    "run": "tmc_vem.simulation",
 }
 
 __all__ = ["Box", "Material", "Medium", "RunOptions", "RunResult", "__version__", "run"]

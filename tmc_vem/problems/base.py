@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from tmc_vem.constraints import Gap, Prescribed
-from tmc_vem.energy import Energy, Regulariser, get_regulariser, hyperelastic_solid, third_medium
+from tmc_vem.energy import Energy, Regulariser, hyperelastic_solid, third_medium
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.problems.regularisers import RegulariserLike, resolve_regulariser
 
 
 def require_positive(name: str, value: float, hint: str) -> None:
@@ -43,14 +44,14 @@ class Medium:
         gamma: stiffness relative to the solid, far below 1.
         alpha_r: weight of the regulariser (length squared for (6) and (9)).
         beta: exponent of the damping factor exp(-beta J); 0 leaves the factor out.
-        regulariser: name of a regulariser of Table 1, or a regulariser of your own.
+        regulariser: name of a regulariser of Table 1, ``FILE.py:FUNCTION``, or a function ``density(F, G, p, m)``.
         parameters: values of a regulariser's own parameters.
     """
 
     gamma: float = 1e-5
     alpha_r: float = 1.0
     beta: float = 5.0
-    regulariser: str | Regulariser = "huhu_lulu"
+    regulariser: RegulariserLike = "huhu_lulu"
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -60,28 +61,21 @@ class Medium:
             raise InputError(
                 f"beta = {self.beta:g} must not be negative: 5 damps as in the paper, 0 switches damping off"
             )
-        regulariser = self.resolved
-        unknown = set(self.parameters) - set(regulariser.parameters)
-        missing = set(regulariser.parameters) - set(self.parameters)
-        if unknown or missing:
-            takes = ", ".join(regulariser.parameters) or "no parameters"
-            raise InputError(
-                f"regulariser '{regulariser.name}' takes {takes}; given: {', '.join(self.parameters) or 'none'}"
-            )
+        self.resolve()
 
-    @property
-    def resolved(self) -> Regulariser:
-        """The regulariser itself."""
-        return get_regulariser(self.regulariser) if isinstance(self.regulariser, str) else self.regulariser
+    def resolve(self) -> tuple[Regulariser, dict[str, float]]:
+        """The regulariser itself and the values of its own parameters."""
+        return resolve_regulariser(self.regulariser, self.parameters)
 
     def as_dict(self) -> dict[str, Any]:
         """Inputs as plain values for result files."""
+        regulariser, parameters = self.resolve()
         return {
             "gamma": self.gamma,
             "alpha_r": self.alpha_r,
             "beta": self.beta,
-            "regulariser": self.resolved.name,
-            **({"parameters": dict(self.parameters)} if self.parameters else {}),
+            "regulariser": self.regulariser if isinstance(self.regulariser, str) else regulariser.name,
+            **({"parameters": parameters} if parameters else {}),
         }
 
 
@@ -101,8 +95,9 @@ def solid_region(material: Material) -> RegionEnergy:
 
 def medium_region(medium: Medium, mu: float) -> RegionEnergy:
     """Region of third medium, with the shear modulus of the solid around it."""
-    energy = third_medium(medium.resolved, damped=medium.beta > 0.0)
-    values = {"mu": mu, "gamma": medium.gamma, "alpha_r": medium.alpha_r, "beta": medium.beta, **medium.parameters}
+    regulariser, parameters = medium.resolve()
+    energy = third_medium(regulariser, damped=medium.beta > 0.0)
+    values = {"mu": mu, "gamma": medium.gamma, "alpha_r": medium.alpha_r, "beta": medium.beta, **parameters}
     return RegionEnergy(energy, values, is_medium=True)
 
 

@@ -15,11 +15,13 @@ from petsc4py import PETSc
 from codegen.kernel import ENERGY, GRADIENT, TANGENT, CellBatch, CellValues, Kernel
 from tmc_vem.constraints import Prescribed
 from tmc_vem.errors import InputError
+from tmc_vem.fields import Polygons
 from tmc_vem.mesh.distribute import DistributedMesh
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.solve.protocol import Evaluation, RegionValues
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.element import ElementGroup, ElementSettings, build_elements
+from tmc_vem.vem.quadrature import gauss_lobatto
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -173,12 +175,23 @@ class VemSystem:
             step = min(step, float(step_c.min(initial=np.inf)))
         return float(self.comm.allreduce(step, op=MPI.MIN))
 
+    def point_coordinates(self, names: Sequence[str]) -> Float:
+        """Reference coordinates (n, 2) of named points."""
+        mesh = self.distributed.mesh
+        return self._at_points(names, lambda vertex: mesh.points_vx[vertex])
+
     def point_displacements(self, u: Any, names: Sequence[str]) -> Float:
         """Displacements (n, 2) of named points."""
         u_nodes = self._local_values(u)
+        return self._at_points(names, lambda vertex: u_nodes[self.dofmap.vertex_nodes[vertex]])
+
+    def _at_points(self, names: Sequence[str], value: Callable[[int], Float]) -> Float:
         points = self.distributed.mesh.named_points
-        mine = {name: u_nodes[self.dofmap.vertex_nodes[points[name]]].copy() for name in names if name in points}
-        found = {name: value for part in self.comm.allgather(mine) for name, value in part.items()}
+        mine = {name: value(points[name]).copy() for name in names if name in points}
+        found = {name: entry for part in self.comm.allgather(mine) for name, entry in part.items()}
+        unknown = [name for name in names if name not in found]
+        if unknown:
+            raise InputError(f"the mesh has no named point '{unknown[0]}'")
         return np.array([found[name] for name in names]).reshape(-1, 2)
 
     def reaction(self, residual: Any, where: str, component: int) -> float:
@@ -209,6 +222,11 @@ class VemSystem:
         self._load_nodes = load
 
     @property
+    def n_cells_global(self) -> int:
+        """Cells of the whole mesh."""
+        return self.distributed.n_cells_global
+
+    @property
     def n_dofs(self) -> int:
         """Degrees of freedom of the whole system, constrained ones included."""
         return self.dofmap.n_dofs_global
@@ -216,6 +234,37 @@ class VemSystem:
     def nodal_values(self, u: Any) -> Float:
         """Values (n_nodes, 2) of this rank's nodes, ghosts included."""
         return self._local_values(u).copy()
+
+    def output_polygons(self) -> Polygons:
+        """This rank's cells as polygons through vertices and points on the sides."""
+        mesh, edges = self.distributed.mesh, self.distributed.edges
+        order = self.settings.order
+        interior = gauss_lobatto(order + 1)[0][1:-1]
+        start, end = (mesh.points_vx[edges.vertices_ev[:, n]] for n in (0, 1))
+        along = start[:, None] + (end - start)[:, None] * interior[:, None]
+        on_edges = mesh.n_vertices + np.arange(len(edges))[:, None] * (order - 1) + np.arange(order - 1)
+        side_points = on_edges[edges.cell_edges]
+        side_points = np.where(edges.forward[:, None], side_points, side_points[:, ::-1])
+        return Polygons(
+            points_nx=np.concatenate([mesh.points_vx, along.reshape(-1, 2)]),
+            offsets=mesh.cell_offsets * order,
+            connectivity=np.column_stack([mesh.cell_vertices, side_points]).ravel(),
+            region_c=mesh.region_c,
+            region_names=mesh.region_names,
+        )
+
+    def output_displacements(self, u: Any) -> Float:
+        """Displacements (n_points, 2) of the points of :meth:`output_polygons`."""
+        nodes = np.concatenate([self.dofmap.vertex_nodes, self.dofmap.edge_nodes.ravel()])
+        displacement: Float = self._local_values(u)[nodes]
+        return displacement
+
+    def cell_areas(self) -> Float:
+        """Reference area (n_cells,) of each local cell."""
+        area_c = np.empty(self.distributed.mesh.n_cells)
+        for block in self.blocks:
+            area_c[block.cells] = block.batch.w_sq.sum(axis=1)[block.batch.shape_c]
+        return area_c
 
     def cell_energies(self, u: Any) -> Float:
         """Energy (n_cells,) of each local cell."""
@@ -240,8 +289,8 @@ class VemSystem:
             smallest[block.cells] = J.min(axis=1)
         return mean, smallest
 
-    def degrees_in_use(self) -> dict[int, int]:
-        """How many cells use which l."""
+    def projection_degrees(self) -> dict[int, int]:
+        """How many cells of the whole mesh use which l."""
         counts: dict[int, int] = {}
         for part in self.comm.allgather([(b.group.degree, len(b.cells)) for b in self.blocks]):
             for degree, n_cells in part:

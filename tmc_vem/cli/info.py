@@ -1,0 +1,35 @@
+"""``tmc-vem info``: versions and what is available."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+
+import click
+
+
+@click.command("info")
+def info() -> None:
+    """Print versions and what is available on this machine."""
+    import petsc4py
+
+    petsc4py.init([sys.argv[0]])
+    from mpi4py import MPI
+
+    from codegen.build import cache_directory, compiler
+    from codegen.errors import CodegenError
+    from tmc_vem.provenance import versions
+
+    if MPI.COMM_WORLD.rank:
+        return
+    rows = {name: str(value) for name, value in versions(MPI.COMM_WORLD.size).items() if name != "command"}
+    try:
+        rows["C compiler"] = " ".join(compiler())
+        rows["kernel cache"] = str(cache_directory())
+    except CodegenError as error:
+        rows["C compiler"] = str(error)
+    for name, module in (("dolfinx (FEM path)", "dolfinx"), ("gmsh", "gmsh"), ("meshio", "meshio")):
+        rows[name] = "available" if importlib.util.find_spec(module) else "not installed"
+    width = max(map(len, rows))
+    for name, value in rows.items():
+        click.echo(f"{name:<{width}}  {value}")

@@ -1,0 +1,119 @@
+"""``tmc-vem``: entry point, list of commands, and how errors become one line and an exit code."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from typing import Any
+
+import click
+
+from tmc_vem import __version__
+
+# command: (module, attribute, line for --help). Modules are imported when a command is used, so that --help is quick.
+COMMANDS = {
+    "run": ("tmc_vem.cli.run", "run_group", "Solve a problem and write results, fields and a picture."),
+    "codegen": ("codegen.cli", "main", "Generate, show and check the kernel of your own energy."),
+    "info": ("tmc_vem.cli.info", "info", "Print versions and what is available on this machine."),
+}
+
+
+class LazyGroup(click.Group):
+    """Group that imports a command when it is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names in the order of ``COMMANDS``."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command itself."""
+        if cmd_name not in COMMANDS:
+            return None
+        module, attribute, _ = COMMANDS[cmd_name]
+        command: click.Command = getattr(importlib.import_module(module), attribute)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, line) for name, (_, _, line) in COMMANDS.items()])
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="tmc-vem")
+def cli() -> None:
+    """Third medium contact with stabilization-free virtual elements.
+
+    A very soft third medium fills the gaps between bodies and stiffens as it is squeezed, so that contact needs no
+    search. Start with:
+
+    \b
+      tmc-vem run box --out runs/box
+      mpirun -n 2 tmc-vem run box --cells 80 20 --out runs/box-fine
+    """
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and exit: 0 done, 1 failed check, 2 bad input, 3 load not reached, 130 interrupted."""
+    # one thread per process unless the user says otherwise: small BLAS calls from many threads only get in their way
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    sys.exit(_run(arguments))
+
+
+def _run(arguments: list[str] | None) -> int:
+    from codegen.errors import CodegenError
+    from tmc_vem.errors import TmcError
+
+    try:
+        code: Any = cli.main(arguments, prog_name="tmc-vem", standalone_mode=False)
+        return code if isinstance(code, int) else 0
+    except click.exceptions.Exit as leave:
+        return int(leave.exit_code)
+    except click.exceptions.NoArgsIsHelpError as error:
+        error.show()
+        return 2
+    except click.ClickException as error:
+        hint = f" ('{error.ctx.command_path} --help' explains)" if getattr(error, "ctx", None) else ""  # type: ignore[attr-defined]
+        return _report(f"{error.format_message()}{hint}", error.exit_code)
+    except (TmcError, CodegenError) as error:
+        return _report(str(error), error.exit_code)
+    except (KeyboardInterrupt, click.Abort):
+        return _report("interrupted", 130)
+    except BrokenPipeError:
+        return 1
+    except Exception:
+        if _ranks() > 1:  # the other ranks would wait for this one for ever
+            import traceback
+
+            from mpi4py import MPI
+
+            traceback.print_exc()
+            sys.stderr.flush()
+            MPI.COMM_WORLD.Abort(1)
+        raise
+
+
+def _report(message: str, code: int) -> int:
+    if _rank() == 0:
+        click.echo(f"tmc-vem: {message}", err=True)
+    return code
+
+
+def _rank() -> int:
+    return _world()[0]
+
+
+def _ranks() -> int:
+    return _world()[1]
+
+
+def _world() -> tuple[int, int]:
+    """Rank and number of ranks, without starting MPI only to say that something was misspelt."""
+    if "mpi4py.MPI" in sys.modules:
+        world = sys.modules["mpi4py.MPI"].COMM_WORLD
+        return int(world.rank), int(world.size)
+    for rank, size in (("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"), ("PMI_RANK", "PMI_SIZE")):
+        if rank in os.environ:
+            return int(os.environ[rank]), int(os.environ.get(size, "1"))
+    return 0, 1

@@ -1,0 +1,94 @@
+"""Live progress and the summary of a run on a terminal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from tmc_vem.problems.base import Problem
+from tmc_vem.results import RunResult, StepRecord
+from tmc_vem.simulation import Monitor
+
+
+class ConsoleMonitor(Monitor):
+    """Load factor, iterations, gap and smallest J while a run goes on: a live bar on a terminal, else a line now and
+    then. Writes to stderr, so that stdout stays clean."""
+
+    def __init__(self) -> None:
+        self.console = Console(stderr=True)
+        self._progress: Progress | None = None
+        self._task: Any = None
+        self._last = ""
+        self._shown = 0.0
+
+    def started(self, problem: Problem, n_cells: int, n_dofs: int) -> None:
+        """Print what is solved and show the bar."""
+        self.console.print(f"[bold]{problem.name}[/]: {n_cells} cells, {n_dofs} degrees of freedom")
+        if self.console.is_terminal:
+            self._progress = Progress(
+                TextColumn("load"), BarColumn(bar_width=30), TextColumn("{task.percentage:5.1f} %"),
+                TextColumn("{task.fields[state]}"), TimeElapsedColumn(), console=self.console, transient=True,
+            )  # fmt: skip
+            self._task = self._progress.add_task("load", total=1.0, state="")
+            self._progress.start()
+
+    def iterated(self, iteration: int, residual: float) -> None:
+        """Update the bar's text."""
+        if self._progress:
+            self._progress.update(self._task, state=f"{self._last}iteration {iteration}, residual {residual:.1e}")
+
+    def stepped(self, record: StepRecord) -> None:
+        """Advance the bar, or print a line for every tenth of the load."""
+        gap = "" if record.gap is None else f"gap {record.gap:.4g}, "
+        self._last = f"step {record.step}, {gap}min J {min(record.min_j.values()):.2g}, "
+        if self._progress:
+            self._progress.update(self._task, completed=record.load, state=self._last)
+        elif record.load >= self._shown + 0.1 - 1e-9:
+            self._shown = record.load
+            self.console.print(f"load {record.load:.3f}, {self._last}{record.iterations} iterations", highlight=False)
+
+    def finished(self, result: RunResult) -> None:
+        """Remove the bar."""
+        if self._progress:
+            self._progress.stop()
+
+
+def print_summary(result: RunResult) -> None:
+    """Print a table of the results on stdout."""
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="bold")
+    table.add_column(justify="left")
+    for name, value in summary_rows(result):
+        table.add_row(name, value)
+    Console().print(table)
+
+
+def summary_rows(result: RunResult) -> list[tuple[str, str]]:
+    """Names and values of the summary."""
+    rows = [("load reached", "full load" if result.complete else f"{result.load:.4g} of the load")]
+    last = result.last
+    if last:
+        rows.append(("displacement", f"{last.displacement:g}"))
+        if last.gap is not None:
+            rows.append(("gap", f"{last.gap:.6e}"))
+        rows.append(("reaction", f"{last.reaction:.6e}"))
+        rows += [(f"smallest J, {region}", f"{value:.4e}") for region, value in last.min_j.items()]
+        rows += [(f"energy, {region}", f"{value:.6e}") for region, value in last.energy.items()]
+        if last.negative_pivots:
+            rows.append(("unstable", f"{last.negative_pivots} negative pivots"))
+    cuts = f", {result.cut_backs} cut-backs" if result.cut_backs else ""
+    rows.append(("load steps", f"{result.steps} with {result.newton_iterations} Newton iterations{cuts}"))
+    if result.projection_degrees:
+        cells = ", ".join(f"l = {degree}: {count}" for degree, count in result.projection_degrees.items())
+        rows.append(("cells", f"{result.n_cells} ({cells}), {result.n_dofs} degrees of freedom"))
+    else:
+        rows.append(("cells", f"{result.n_cells}, {result.n_dofs} degrees of freedom"))
+    seconds = dict(result.seconds)
+    total = seconds.pop("total")
+    rows.append(("time", f"{total:.2f} s ({', '.join(f'{phase} {value:.2f}' for phase, value in seconds.items())})"))
+    if result.directory:
+        rows.append(("written to", str(result.directory)))
+    return rows

@@ -1,0 +1,163 @@
+"""``tmc-vem run PROBLEM``: one command a problem; what all problems share stands here."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tmc_vem.errors import InputError
+
+
+@click.group("run")
+def run_group() -> None:
+    """Solve a problem and write results, fields and a picture.
+
+    Every run directory holds result.json (inputs, versions, gap, reaction, smallest J, iterations, times),
+    history.csv (a row a load step), fields.pvd for ParaView and deformed.png.
+    """
+
+
+def medium_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options of the third medium."""
+    options = [
+        click.option("--gamma", type=float, default=1e-5, show_default=True, help="Stiffness relative to the solid."),
+        click.option("--alpha-r", type=float, default=1.0, show_default=True, help="Weight of the regulariser."),
+        click.option(
+            "--regulariser", default="huhu_lulu", show_default=True, metavar="NAME",
+            help="huhu (6), huhu_lulu (9), angle (15), tangent (16), or your own: FILE.py:FUNCTION.",
+        ),
+        click.option("--param", "parameters", multiple=True, metavar="NAME=VALUE", help="Parameter of your own one."),
+        click.option(
+            "--beta", type=float, default=5.0, show_default=True, help="Damping exp(-beta J); 0 for none."
+        ),
+    ]  # fmt: skip
+    return _decorate(command, options)
+
+
+def method_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options of discretisation, load stepping and output."""
+    options = [
+        click.option("--steps", type=int, help="Equal load steps (the paper's box: 100). Default: automatic steps."),
+        click.option("--order", type=int, default=2, show_default=True, help="Order k of the elements: 2 or 3."),
+        click.option(
+            "--l", "degree", type=int,
+            help="Degree l of the gradient's projection, for experts. Default: a spectral test of each cell shape.",
+        ),
+        click.option("--quadrature", type=int, help="Quadrature degree on the sub-triangles. Default: 2 k."),
+        click.option("--out", type=click.Path(path_type=Path), help="Run directory. Default: nothing is written."),
+        click.option("--overwrite", is_flag=True, help="Replace an earlier run in the run directory."),
+        click.option("--snapshots", type=int, default=10, show_default=True, help="Load steps written for ParaView."),
+        click.option("--json", "as_json", is_flag=True, help="Print result.json on stdout, and nothing else."),
+        click.option("--quiet", is_flag=True, help="No progress display and no summary."),
+        click.option("--petsc", default="", metavar="OPTIONS", help="PETSc options, e.g. '-tmc_mat_mumps_icntl_4 2'."),
+    ]  # fmt: skip
+    return _decorate(command, options)
+
+
+def _decorate(command: Callable[..., Any], options: list[Callable[..., Any]]) -> Callable[..., Any]:
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+@run_group.command("box")
+@click.option(
+    "--cells", type=int, nargs=2, default=(40, 10), show_default=True, help="Cells in x and y over the 2 x 0.5 box."
+)
+@click.option("--uy", type=float, default=-1.0, show_default=True, help="Displacement of the middle of the top.")
+@medium_options
+@method_options
+def box(cells: tuple[int, int], uy: float, **options: Any) -> None:
+    """Self-contact within a box (section 5.1 of Xu & Wriggers).
+
+    The middle of the top is pushed down until the flanges touch; the gap between them and the reaction at the
+    load are printed. Examples:
+
+    \b
+      tmc-vem run box --alpha-r 1 --gamma 1e-5 --cells 40 10 --out runs/box
+      tmc-vem run box --alpha-r 0.1 --gamma 1e-6 --json > box.json
+      mpirun -n 2 tmc-vem run box --cells 80 20 --out runs/box-80
+    """
+    from tmc_vem.problems import Box
+
+    solve(lambda medium: Box(cells=cells, uy=uy, medium=medium), options)
+
+
+def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
+    """Make the problem, run it, and show the result as the options ask.
+
+    Raises:
+        InputError, CodegenError: bad input.
+        ConvergenceError: the full load was not reached; what converged is in the run directory.
+    """
+    from tmc_vem.problems import Medium
+    from tmc_vem.simulation import Monitor, RunOptions, run
+    from tmc_vem.vem.element import ElementSettings
+
+    medium = Medium(
+        gamma=options["gamma"],
+        alpha_r=options["alpha_r"],
+        beta=options["beta"],
+        regulariser=options["regulariser"],
+        parameters=parse_parameters(options["parameters"]),
+    )
+    problem = make_problem(medium)
+    settings = RunOptions(
+        element=ElementSettings(options["order"], options["degree"], options["quadrature"]),
+        steps=options["steps"],
+        snapshots=options["snapshots"],
+        overwrite=options["overwrite"],
+    )
+    _start_petsc(options["petsc"])
+    from mpi4py import MPI
+
+    from tmc_vem.cli.progress import ConsoleMonitor, print_summary
+    from tmc_vem.errors import ConvergenceError
+
+    silent = options["quiet"] or options["as_json"]
+    on_root = MPI.COMM_WORLD.rank == 0
+    monitor: Monitor = Monitor() if silent or not on_root else ConsoleMonitor()
+    result = run(problem, options["out"], settings, monitor=monitor)
+    if on_root:
+        if options["as_json"]:
+            sys.stdout.write(result.to_json())
+        elif not options["quiet"]:
+            print_summary(result)
+    if not result.complete:
+        kept = f"; steps up to there are in {result.directory}" if result.directory else ""
+        raise ConvergenceError(f"stopped at {result.load:.4g} of the load: {result.reason}{kept}")
+
+
+def parse_parameters(texts: tuple[str, ...]) -> dict[str, float]:
+    """Values of ``NAME=VALUE`` options.
+
+    Raises:
+        InputError: one is not of that form.
+    """
+    values = {}
+    for text in texts:
+        name, separator, number = text.partition("=")
+        try:
+            values[name.strip()] = float(number)
+        except ValueError:
+            separator = ""
+        if not separator or not name.strip():
+            raise InputError(f"--param '{text}' is not NAME=VALUE, for example kappa=0.1")
+    return values
+
+
+def _start_petsc(options: str) -> None:
+    import shlex
+
+    try:
+        import petsc4py
+    except ImportError:
+        raise InputError(
+            "petsc4py is not available to this Python: install it ('apt-get install python3-petsc4py-real' on Debian) "
+            "and make the environment with --system-site-packages"
+        ) from None
+    petsc4py.init([sys.argv[0], *shlex.split(options)])

@@ -1,0 +1,124 @@
+"""Fields of a state on polygons: what is written for ParaView and drawn in pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Polygons:
+    """Cells as polygons through all nodes of their boundary, vertices and points on the sides, in order.
+
+    Attributes:
+        points_nx: (n_points, 2) reference coordinates.
+        offsets: (n_cells + 1,) where each polygon starts in ``connectivity``.
+        connectivity: points of all polygons, counter-clockwise.
+        region_c: (n_cells,) region of each cell.
+        region_names: names of the regions.
+    """
+
+    points_nx: Float
+    offsets: Int
+    connectivity: Int
+    region_c: Int
+    region_names: tuple[str, ...]
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells."""
+        return len(self.region_c)
+
+    def cell(self, c: int) -> Int:
+        """Points of cell ``c``."""
+        return self.connectivity[self.offsets[c] : self.offsets[c + 1]]
+
+
+@dataclass(frozen=True)
+class Fields:
+    """A state on polygons.
+
+    Attributes:
+        polygons: the cells.
+        displacement_ni: (n_points, 2).
+        jacobian_c, min_jacobian_c: (n_cells,) mean and smallest J of each cell.
+        energy_density_c: (n_cells,) energy over reference area.
+    """
+
+    polygons: Polygons
+    displacement_ni: Float
+    jacobian_c: Float
+    min_jacobian_c: Float
+    energy_density_c: Float
+
+    @staticmethod
+    def merge(parts: Sequence[Fields]) -> Fields:
+        """Fields of several ranks as one; points on borders between ranks stay doubled."""
+        first_point = np.cumsum([0, *(len(part.polygons.points_nx) for part in parts)])
+        first_entry = np.cumsum([0, *(len(part.polygons.connectivity) for part in parts)])
+        offsets = [part.polygons.offsets[:-1] + start for part, start in zip(parts, first_entry, strict=False)]
+        polygons = Polygons(
+            points_nx=np.concatenate([part.polygons.points_nx for part in parts]),
+            offsets=np.concatenate([*offsets, first_entry[-1:]]),
+            connectivity=np.concatenate(
+                [part.polygons.connectivity + start for part, start in zip(parts, first_point, strict=False)]
+            ),
+            region_c=np.concatenate([part.polygons.region_c for part in parts]),
+            region_names=parts[0].polygons.region_names,
+        )
+        return Fields(
+            polygons,
+            *(
+                np.concatenate([getattr(part, name) for part in parts])
+                for name in ("displacement_ni", "jacobian_c", "min_jacobian_c", "energy_density_c")
+            ),
+        )
+
+
+def write_vtu(path: Path, fields: Fields) -> None:
+    """Write true polygons with displacement, J, region and energy density; warp by ``displacement`` in ParaView."""
+    import meshio
+
+    polygons = fields.polygons
+    sizes = np.diff(polygons.offsets)
+    order = [np.flatnonzero(sizes == size) for size in np.unique(sizes)]
+    cells = [
+        ("polygon", polygons.connectivity[polygons.offsets[members][:, None] + np.arange(sizes[members[0]])])
+        for members in order
+    ]
+    per_cell = {
+        "J": fields.jacobian_c,
+        "min_J": fields.min_jacobian_c,
+        "energy_density": fields.energy_density_c,
+        "region": polygons.region_c,
+    }
+    meshio.Mesh(
+        _in_space(polygons.points_nx),
+        cells,
+        point_data={"displacement": _in_space(fields.displacement_ni)},
+        cell_data={name: [values[members] for members in order] for name, values in per_cell.items()},
+    ).write(path)
+
+
+def write_pvd(path: Path, entries: Sequence[tuple[float, Sequence[str]]]) -> None:
+    """Write a ParaView collection: load factors, each with the files of its parts relative to ``path``."""
+    datasets = "".join(
+        f'    <DataSet timestep="{load:.12g}" part="{part}" file="{name}"/>\n'
+        for load, names in entries
+        for part, name in enumerate(names)
+    )
+    path.write_text(
+        '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
+        f"  <Collection>\n{datasets}  </Collection>\n</VTKFile>\n"
+    )
+
+
+def _in_space(plane: Float) -> Float:
+    return np.column_stack([plane, np.zeros(len(plane))])

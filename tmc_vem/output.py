@@ -1,0 +1,87 @@
+"""Fields of a running computation: collected from the discretisation, written for ParaView and drawn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.fields import Fields, Polygons, write_pvd, write_vtu
+from tmc_vem.results import COLLECTION, FIELDS
+
+Float = NDArray[np.float64]
+
+
+class FieldSource(Protocol):
+    """What a discretisation offers for output, for the cells of this rank."""
+
+    comm: Any
+
+    def output_polygons(self) -> Polygons:
+        """The cells as polygons through all nodes of their boundary."""
+
+    def output_displacements(self, u: Any) -> Float:
+        """(n_points, 2) displacements of the polygons' points."""
+
+    def cell_energies(self, u: Any) -> Float:
+        """(n_cells,) energies."""
+
+    def cell_areas(self) -> Float:
+        """(n_cells,) reference areas."""
+
+    def cell_jacobians(self, u: Any) -> tuple[Float, Float]:
+        """(n_cells,) mean and smallest J."""
+
+
+def fields_of(source: FieldSource, u: Any, polygons: Polygons | None = None) -> Fields:
+    """Fields of this rank's cells at state ``u``."""
+    mean_j, min_j = source.cell_jacobians(u)
+    return Fields(
+        polygons=source.output_polygons() if polygons is None else polygons,
+        displacement_ni=source.output_displacements(u),
+        jacobian_c=mean_j,
+        min_jacobian_c=min_j,
+        energy_density_c=source.cell_energies(u) / source.cell_areas(),
+    )
+
+
+def gather_fields(source: FieldSource, u: Any) -> Fields | None:
+    """Fields of all cells on rank 0, None elsewhere."""
+    parts = source.comm.gather(fields_of(source, u))
+    return Fields.merge(parts) if parts else None
+
+
+class SnapshotWriter:
+    """Writes VTU files of selected load steps, one a rank, and the PVD collection that ParaView opens.
+
+    Args:
+        source: the discretisation.
+        directory: run directory.
+        loads: load factors; the first converged step at or past each is written.
+    """
+
+    def __init__(self, source: FieldSource, directory: Path, loads: tuple[float, ...]) -> None:
+        self.source = source
+        self.directory = directory
+        self._pending = sorted(loads)
+        self._entries: list[tuple[float, list[str]]] = []
+        self._polygons = source.output_polygons()
+
+    def offer(self, step: int, load: float, u: Any) -> None:
+        """Write this step if one of the selected loads has been reached; called on all ranks."""
+        if not self._pending or load < self._pending[0] - 1e-9:
+            return
+        self._pending = [wanted for wanted in self._pending if wanted > load + 1e-9]
+        comm = self.source.comm
+        part = f"_{comm.rank}" if comm.size > 1 else ""
+        write_vtu(self.directory / FIELDS / f"step_{step:05d}{part}.vtu", fields_of(self.source, u, self._polygons))
+        names = [
+            f"{FIELDS}/step_{step:05d}{f'_{rank}' if comm.size > 1 else ''}.vtu"
+            for rank, n_cells in enumerate(comm.allgather(self._polygons.n_cells))
+            if n_cells
+        ]
+        self._entries.append((load, names))
+        if comm.rank == 0:
+            write_pvd(self.directory / COLLECTION, self._entries)

@@ -1,0 +1,43 @@
+"""What ran where: versions of programs and libraries, machine, ranks."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+
+def versions(n_ranks: int = 1) -> dict[str, Any]:
+    """Versions and machine as plain values for result files."""
+    from petsc4py import PETSc
+
+    import tmc_vem
+
+    return {
+        "tmc-vem": tmc_vem.__version__,
+        "python": platform.python_version(),
+        "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
+        **{name: _version(name) for name in ("numpy", "sympy", "fenics-dolfinx")},
+        "machine": platform.machine(),
+        "processor": _processor(),
+        "ranks": n_ranks,
+        "threads": os.environ.get("OMP_NUM_THREADS", "unset"),
+        "command": " ".join(sys.argv),
+    }
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo") as file:
+            return next(line.split(":", 1)[1].strip() for line in file if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor()

@@ -1,0 +1,1 @@
+"""From results to tables, figures and pages; solves nothing and imports no PETSc."""

@@ -1,0 +1,92 @@
+"""Pictures of states."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.fields import Fields
+
+Float = NDArray[np.float64]
+
+MEDIUM = "medium"
+COLOURS = "viridis"
+
+
+def draw_deformed(fields: Fields, path: Path, title: str = "", *, component: int = 1) -> None:
+    """Draw the deformed configuration, coloured by a displacement component.
+
+    Solid cells are drawn in full colour with a dark outline of the solid; cells of the third medium are pale with
+    hairline edges.
+
+    Args:
+        fields: the state.
+        path: picture file; its suffix decides the format.
+        title: text above the picture.
+        component: 0 for u_x, 1 for u_y.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+    polygons = fields.polygons
+    deformed = polygons.points_nx + fields.displacement_ni
+    cells = [polygons.cell(c) for c in range(polygons.n_cells)]
+    u = fields.displacement_ni[:, component]
+    colour_c = np.array([u[cell].mean() for cell in cells])
+    is_medium = np.array([polygons.region_names[region].startswith(MEDIUM) for region in polygons.region_c])
+    scale = Normalize(u.min(), u.max() if np.ptp(u) > 0 else u.min() + 1.0)
+
+    extent = np.ptp(deformed, axis=0)
+    width = 10.0
+    figure = Figure(figsize=(width, float(np.clip(0.8 * width * extent[1] / extent[0] + 1.4, 2.5, 9.0))))
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    styles = ((is_medium, 0.35, 0.15, "0.45"), (~is_medium, 1.0, 0.25, "0.25"))
+    for members, alpha, line, edge in styles:
+        chosen = np.flatnonzero(members)
+        collection = PolyCollection(
+            [deformed[cells[c]] for c in chosen], array=colour_c[chosen], cmap=COLOURS, norm=scale,
+            alpha=alpha, linewidths=line, edgecolors=edge,
+        )  # fmt: skip
+        axes.add_collection(collection)
+    axes.add_collection(LineCollection(_outline(cells, ~is_medium, deformed), colors="black", linewidths=0.9))
+    figure.colorbar(
+        collection, ax=axes, orientation="horizontal", fraction=0.06, pad=0.14, label=f"$u_{'xy'[component]}$"
+    )
+    if is_medium.any():
+        middle = collection.get_cmap()(0.5)
+        axes.legend(
+            handles=[
+                Patch(facecolor=middle, edgecolor="black", label="solid"),
+                Patch(facecolor=middle, alpha=0.35, edgecolor="0.45", linewidth=0.3, label="third medium"),
+            ],
+            loc="lower right",
+            fontsize=8,
+        )
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+    axes.set_title(title, fontsize=10)
+    axes.set_xlabel("x")
+    axes.set_ylabel("y")
+    figure.savefig(path, dpi=150, bbox_inches="tight")
+
+
+def _outline(cells: list[NDArray[np.int64]], chosen: NDArray[np.bool_], points: Float) -> list[Float]:
+    """Segments that belong to exactly one of the chosen cells, compared by position (points of ranks are doubled)."""
+    segments: dict[tuple[tuple[float, ...], ...], Float] = {}
+    for cell, use in zip(cells, chosen, strict=True):
+        if not use:
+            continue
+        for a, b in zip(cell, np.roll(cell, -1), strict=True):
+            ends = sorted((tuple(np.round(points[a], 9)), tuple(np.round(points[b], 9))))
+            key = (ends[0], ends[1])
+            if key in segments:
+                del segments[key]
+            else:
+                segments[key] = points[[a, b]]
+    return list(segments.values())

@@ -1,0 +1,276 @@
+"""Runs as data: records of load steps and the result of a run, read from and written to a run directory.
+
+A run directory holds ``result.json`` (inputs, versions, results, times), ``history.csv`` (a row a load step),
+``fields.pvd`` with ``fields/*.vtu`` and ``deformed.png``.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tmc_vem.errors import InputError
+
+SCHEMA = 1
+RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
+_OWN = (RESULT, HISTORY, FIELDS, COLLECTION, PICTURE)
+
+
+@dataclass(frozen=True)
+class StepRecord:
+    """A converged load step.
+
+    Attributes:
+        step: 1 for the first.
+        load: load factor, 1 at full load.
+        displacement: prescribed displacement of the loaded point or edge.
+        gap: distance of the problem's two gap points, or None.
+        reaction: force at the loaded point or edge, in the direction of the displacement component.
+        iterations: Newton iterations; ``cut_backs`` failed attempts before it, with ``wasted_iterations``.
+        min_j, energy: smallest J and energy by region.
+        negative_pivots: negative eigenvalues of the tangent (unstable if above 0), or None if unknown.
+        seconds: wall time since the start of the run.
+    """
+
+    step: int
+    load: float
+    displacement: float
+    gap: float | None
+    reaction: float
+    iterations: int
+    cut_backs: int
+    wasted_iterations: int
+    min_j: Mapping[str, float]
+    energy: Mapping[str, float]
+    negative_pivots: int | None
+    seconds: float
+
+    def as_row(self) -> dict[str, Any]:
+        """Flat form for history.csv: ``min_j_<region>`` and ``energy_<region>`` are columns."""
+        flat = asdict(self)
+        for name in ("min_j", "energy"):
+            for region, value in flat.pop(name).items():
+                flat[f"{name}_{region}"] = value
+        return {key: "" if value is None else value for key, value in flat.items()}
+
+    @staticmethod
+    def from_row(row: Mapping[str, str]) -> StepRecord:
+        """Record of a row of history.csv."""
+
+        def regions(prefix: str) -> dict[str, float]:
+            return {key[len(prefix) :]: float(value) for key, value in row.items() if key.startswith(prefix)}
+
+        return StepRecord(
+            step=int(row["step"]),
+            load=float(row["load"]),
+            displacement=float(row["displacement"]),
+            gap=float(row["gap"]) if row["gap"] else None,
+            reaction=float(row["reaction"]),
+            iterations=int(row["iterations"]),
+            cut_backs=int(row["cut_backs"]),
+            wasted_iterations=int(row["wasted_iterations"]),
+            min_j=regions("min_j_"),
+            energy=regions("energy_"),
+            negative_pivots=int(row["negative_pivots"]) if row["negative_pivots"] else None,
+            seconds=float(row["seconds"]),
+        )
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """Everything about a run that is not a field.
+
+    Attributes:
+        inputs: the problem's parameters and the method's settings.
+        versions: of the program, its libraries and the machine.
+        complete: whether the full load was reached; ``reason`` says why not.
+        load: load factor of the last converged step.
+        n_cells, n_dofs: size of the discretisation.
+        cut_backs, newton_iterations: totals; the iterations include those of failed attempts.
+        projection_degrees: number of cells by degree l (VEM only).
+        seconds: wall time by phase.
+        history: the load steps.
+        directory: where the run was written, or None.
+    """
+
+    inputs: Mapping[str, Any]
+    versions: Mapping[str, Any]
+    complete: bool
+    reason: str
+    load: float
+    n_cells: int
+    n_dofs: int
+    newton_iterations: int
+    cut_backs: int
+    projection_degrees: Mapping[str, int]
+    seconds: Mapping[str, float]
+    history: Sequence[StepRecord] = field(repr=False)
+    directory: Path | None = None
+
+    @property
+    def last(self) -> StepRecord | None:
+        """Last converged step."""
+        return self.history[-1] if self.history else None
+
+    @property
+    def gap(self) -> float | None:
+        """Gap at the last converged step."""
+        return self.last.gap if self.last else None
+
+    @property
+    def reaction(self) -> float | None:
+        """Reaction at the last converged step."""
+        return self.last.reaction if self.last else None
+
+    @property
+    def min_j(self) -> Mapping[str, float]:
+        """Smallest J by region at the last converged step."""
+        return self.last.min_j if self.last else {}
+
+    @property
+    def steps(self) -> int:
+        """Converged load steps."""
+        return len(self.history)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Content of result.json."""
+        last = self.last
+        return {
+            "schema": SCHEMA,
+            "complete": self.complete,
+            "reason": self.reason,
+            "load": self.load,
+            "displacement": last.displacement if last else 0.0,
+            "gap": self.gap,
+            "reaction": self.reaction,
+            "min_j": dict(self.min_j),
+            "energy": dict(last.energy) if last else {},
+            "n_cells": self.n_cells,
+            "n_dofs": self.n_dofs,
+            "steps": self.steps,
+            "newton_iterations": self.newton_iterations,
+            "cut_backs": self.cut_backs,
+            "negative_pivots": last.negative_pivots if last else None,
+            "projection_degrees": dict(self.projection_degrees),
+            "seconds": dict(self.seconds),
+            "inputs": dict(self.inputs),
+            "versions": dict(self.versions),
+        }
+
+    def to_json(self) -> str:
+        """Text of result.json; a value that is not a number becomes null."""
+        return json.dumps(_finite(self.as_dict()), indent=2, allow_nan=False) + "\n"
+
+    @staticmethod
+    def read(directory: str | Path) -> RunResult:
+        """Result of a run directory.
+
+        Raises:
+            InputError: it is not one, or a newer version wrote it.
+        """
+        path = Path(directory)
+        try:
+            data = json.loads((path / RESULT).read_text())
+            with (path / HISTORY).open(newline="") as file:
+                history = [StepRecord.from_row(row) for row in csv.DictReader(file)]
+            if data["schema"] > SCHEMA:
+                raise InputError(
+                    f"{path} was written by a newer version (schema {data['schema']}, known up to {SCHEMA})"
+                )
+            names = ("inputs", "versions", "complete", "reason", "load", "n_cells", "n_dofs", "newton_iterations",
+                     "cut_backs", "projection_degrees", "seconds")  # fmt: skip
+            return RunResult(**{name: data[name] for name in names}, history=history, directory=path)
+        except OSError as error:
+            raise InputError(f"{path} is not a run directory: {error.strerror} ({error.filename})") from None
+        except (KeyError, ValueError, TypeError) as error:
+            raise InputError(f"{path} is not a readable run directory: {error}") from None
+
+
+class RunDirectory:
+    """Writes a run; files appear whole or not at all, except history.csv, which grows by a row a step.
+
+    Args:
+        path: where to write.
+        overwrite: replace an earlier run there.
+
+    Raises:
+        InputError: the path is a file, cannot be written, or has something in it that must not be replaced.
+    """
+
+    def __init__(self, path: str | Path, *, overwrite: bool = False) -> None:
+        self.path = Path(path)
+        self._check(overwrite)
+
+    def _check(self, overwrite: bool) -> None:
+        path = self.path
+        if path.exists() and not path.is_dir():
+            raise InputError(f"output directory {path} is a file: choose another name")
+        if path.is_dir() and any(path.iterdir()):
+            if not (path / RESULT).exists() and not (path / HISTORY).exists():
+                raise InputError(f"output directory {path} has other things in it: choose an empty or new one")
+            if not overwrite:
+                raise InputError(f"output directory {path} has a run in it: choose another, or say --overwrite")
+        parent = next(p for p in (path, *path.absolute().parents) if p.exists())
+        if not parent.is_dir():
+            raise InputError(f"output directory {path} cannot be made: {parent} is a file")
+        if not os.access(parent, os.W_OK):
+            raise InputError(f"output directory {path} cannot be written: no permission in {parent}")
+
+    def start(self) -> None:
+        """Make the directory, without what an earlier run left."""
+        self.path.mkdir(parents=True, exist_ok=True)
+        for name in _OWN:
+            target = self.path / name
+            if target.is_dir():
+                shutil.rmtree(target)
+            else:
+                target.unlink(missing_ok=True)
+        (self.path / FIELDS).mkdir()
+
+    def add_step(self, record: StepRecord) -> None:
+        """Append a row to history.csv."""
+        row = record.as_row()
+        path = self.path / HISTORY
+        new = not path.exists()
+        with path.open("a", newline="") as file:
+            writer = csv.DictWriter(file, fieldnames=list(row))
+            if new:
+                writer.writeheader()
+            writer.writerow(row)
+
+    def write_result(self, result: RunResult) -> None:
+        """Write result.json."""
+        write_atomically(self.path / RESULT, result.to_json())
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write a text file so that a reader sees the old one or the new one, whole."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
+    try:
+        with os.fdopen(handle, "w") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Mapping):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(entry) for entry in value]
+    return value
