@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,9 +74,10 @@ class PolygonMesh:
             ("cell_vertices", np.int64),
             ("region_c", np.int64),
         ):
-            array = np.array(getattr(self, name), dtype=dtype)  # a copy: the caller's array may change later
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, _frozen(getattr(self, name), dtype))
+        edges = {name: _frozen(pairs, np.int64).reshape(-1, 2) for name, pairs in self.named_edges.items()}
+        object.__setattr__(self, "named_points", MappingProxyType(dict(self.named_points)))
+        object.__setattr__(self, "named_edges", MappingProxyType(edges))
         if not self.validate:
             return
         self._check_arrays()
@@ -178,6 +181,11 @@ class PolygonMesh:
     def _check_arrays(self) -> None:
         if self.n_cells < 1:
             raise InputError("the mesh has no cells")
+        if self.cell_offsets[0] != 0 or self.cell_offsets[-1] != len(self.cell_vertices):
+            raise InputError(
+                f"cell_offsets run from {self.cell_offsets[0]} to {self.cell_offsets[-1]}; they must run from 0 to "
+                f"the number of entries of cell_vertices, {len(self.cell_vertices)}"
+            )
         if self.points_vx.ndim != 2 or self.points_vx.shape[1] != 2:
             raise InputError(f"points need shape (n, 2), got {self.points_vx.shape}")
         bad = np.flatnonzero(~np.isfinite(self.points_vx).all(axis=1))
@@ -225,3 +233,10 @@ class PolygonMesh:
             for a, b in np.sort(np.asarray(pairs).reshape(-1, 2), axis=1).tolist():
                 if (a, b) not in known:
                     raise InputError(f"named edges '{name}': vertices {a} and {b} are not joined by an edge")
+
+
+def _frozen(values: object, dtype: type) -> NDArray[Any]:
+    """A copy that nobody can write to: the caller's array may change later."""
+    array: NDArray[Any] = np.array(values, dtype=dtype)
+    array.setflags(write=False)
+    return array

@@ -45,12 +45,17 @@ def structured_quadrilaterals(
     """
     x, y = np.asarray(x_lines, dtype=float), np.asarray(y_lines, dtype=float)
     for name, lines in (("x", x), ("y", y)):
-        if lines.ndim != 1 or len(lines) < 2 or not (np.diff(lines) > 0).all():
+        if lines.ndim != 1 or len(lines) < 2 or not (np.diff(lines) > 0).all() or not np.isfinite(lines).all():
             raise InputError(f"{name} mesh lines must be at least two increasing numbers, got {lines.tolist()}")
     nx, ny = len(x) - 1, len(y) - 1
     region_names = tuple(dict.fromkeys(rectangle.region for rectangle in rectangles))
     region_yx = np.full((ny, nx), -1, dtype=np.int64)
     for rectangle in rectangles:
+        if not (rectangle.x0 < rectangle.x1 and rectangle.y0 < rectangle.y1):
+            raise InputError(
+                f"region '{rectangle.region}' is an empty rectangle: x0 = {rectangle.x0:g}, x1 = {rectangle.x1:g}, "
+                f"y0 = {rectangle.y0:g}, y1 = {rectangle.y1:g}"
+            )
         columns = slice(_line(x, rectangle.x0, "x", rectangle), _line(x, rectangle.x1, "x", rectangle))
         rows = slice(_line(y, rectangle.y0, "y", rectangle), _line(y, rectangle.y1, "y", rectangle))
         region_yx[rows, columns] = region_names.index(rectangle.region)
@@ -69,7 +74,12 @@ def structured_quadrilaterals(
         region_names=region_names,
         validate=False,
     )
-    names = {name: mesh.find_vertex(*position) for name, position in (named_points or {}).items()}
+    names = {}
+    for name, position in (named_points or {}).items():
+        try:
+            names[name] = mesh.find_vertex(*position)
+        except InputError as error:
+            raise InputError(f"named point '{name}': {error}") from None
     return PolygonMesh(
         mesh.points_vx, mesh.cell_offsets, mesh.cell_vertices, mesh.region_c, region_names, named_points=names
     )

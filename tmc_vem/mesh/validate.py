@@ -45,15 +45,19 @@ def _check_group(cells: Int, vertices_cv: Int, polygons_cvx: Float) -> None:
         a, b = vertices_cv[c, side], vertices_cv[c, (side + 1) % vertices_cv.shape[1]]
         raise InputError(f"cell {cells[c]} has an edge of length zero between vertices {a} and {b}: merge them")
 
+    # farthest point from the first vertex, and the largest distance from the line through both
+    arms = polygons_cvx - polygons_cvx[:, :1]
+    farthest = np.take_along_axis(arms, np.argmax((arms**2).sum(axis=2), axis=1)[:, None, None], axis=1)
+    flat = np.flatnonzero(np.abs(_cross(farthest, arms)).max(axis=1) <= SMALLEST_EDGE * diameter_c**2)
+    if len(flat):
+        raise InputError(f"cell {cells[flat[0]]} has no area: its vertices lie on a line")
+
     crossing = _first_self_intersection(polygons_cvx, diameter_c)
     if crossing is not None:
         c, i, j = crossing
         raise InputError(f"cell {cells[c]} intersects itself: its sides {i} and {j} cross or touch")
 
     area_c = areas(polygons_cvx)
-    flat = np.flatnonzero(np.abs(area_c) <= SMALLEST_EDGE * diameter_c**2)
-    if len(flat):
-        raise InputError(f"cell {cells[flat[0]]} has no area: its vertices lie on a line")
     clockwise = np.flatnonzero(area_c < 0)
     if len(clockwise):
         c = clockwise[0]
