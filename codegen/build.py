@@ -117,7 +117,7 @@ def compile_library(c_source: str, output: Path) -> None:
     """Compile C source into a shared object, which appears under its name only when it is complete.
 
     Raises:
-        CodegenError: the compiler failed (the message has its first lines) or the directory cannot be written to.
+        CodegenError: the compiler failed (the message has its first error) or the directory cannot be written to.
     """
     import subprocess
     import tempfile
@@ -138,7 +138,9 @@ def compile_library(c_source: str, output: Path) -> None:
                     return
     except OSError as error:
         raise CodegenError(f"compiling {output.stem} failed: {error}") from error
-    raise CodegenError(f"compiling {output.stem} with {compiler()[0]} failed:\n{result.stderr[:2000]}")
+    logger.info("%s", result.stderr)
+    first = next((line for line in result.stderr.splitlines() if "error" in line), result.stderr[:200])
+    raise CodegenError(f"compiling {output.stem} with {compiler()[0]} failed: {first.strip()}")
 
 
 def build(name: str, fingerprint: str, generate_source: Callable[[], str]) -> Path:

@@ -9,6 +9,7 @@ Input: a Python function ``density(F, G, p, m)``. Output: :class:`TracedEnergy`.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,6 +20,8 @@ from codegen.ordering import F_INDICES, F_NAMES, G_INDICES, G_NAMES
 
 UNARY_FUNCTIONS = ("exp", "log", "sqrt", "sin", "cos", "atan")
 BINARY_FUNCTIONS = ("atan2",)
+
+_UFUNC_OPERATORS = {"add": "+", "subtract": "-", "multiply": "*", "divide": "/"}
 
 Density = Callable[[Any, Any, Any, Any], Any]
 
@@ -69,10 +72,10 @@ class Recorder:
             return value
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             return self.add("const", value=float(value))
-        try:
-            return self.add("const", value=float(value))  # numpy scalars and the like
-        except (TypeError, ValueError):
-            self.fail(f"cannot compute with a {type(value).__name__}; use numbers, F, G, p and the functions of m")
+        if not isinstance(value, (str, bytes, bool)):
+            with contextlib.suppress(TypeError, ValueError):
+                return self.add("const", value=float(value))  # numpy scalars and the like
+        self.fail(f"cannot compute with a {type(value).__name__}; use numbers, F, G, p and the functions of m")
 
     def fail(self, message: str) -> NoReturn:
         raise CodegenError(f"energy '{self.name}': {message}")
@@ -82,7 +85,6 @@ class TracedScalar:
     """A scalar whose arithmetic is recorded."""
 
     __slots__ = ("index", "recorder")
-    __array_ufunc__ = None  # numpy scalars defer to the reflected operators below
 
     def __init__(self, recorder: Recorder, index: int) -> None:
         self.recorder = recorder
@@ -142,6 +144,29 @@ class TracedScalar:
 
     __float__ = __int__ = __index__ = __complex__ = _no_number
 
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **_: Any) -> Any:
+        """Arithmetic with numpy scalars on the left is recorded; np.exp and the like are refused."""
+        operator = _UFUNC_OPERATORS.get(ufunc.__name__) if method == "__call__" else None
+        if operator is None:
+            self._no_number()
+        return self._binary(operator, *inputs)
+
+
+class TracedTensor(list[Any]):
+    """``F`` or ``G`` of a density while it is being traced, or a row of one."""
+
+    def __init__(self, recorder: Recorder, rows: Sequence[Any]) -> None:
+        super().__init__(rows)
+        self._recorder = recorder
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, tuple):
+            self._recorder.fail("write F[i][j] and G[i][j][k], not F[i, j] and G[i, j, k]")
+        try:
+            return super().__getitem__(index)
+        except (IndexError, TypeError):
+            self._recorder.fail(f"F[i][j] and G[i][j][k] have the indices 0 and 1, not {index!r}")
+
 
 class MathNamespace:
     """The ``m`` of a density while it is being traced."""
@@ -199,12 +224,8 @@ def trace(density: Density, name: str, parameters: Sequence[str]) -> TracedEnerg
     """
     recorder = Recorder(name)
     _check_names(recorder, parameters)
-    F: list[list[Any]] = [[None, None], [None, None]]
-    G: list[list[list[Any]]] = [[[None, None], [None, None]], [[None, None], [None, None]]]
-    for (i, j), f_name in zip(F_INDICES, F_NAMES, strict=True):
-        F[i][j] = recorder.add("variable", value=f_name)
-    for (i, j, k), g_name in zip(G_INDICES, G_NAMES, strict=True):
-        G[i][j][k] = recorder.add("variable", value=g_name)
+    F = _tensor(recorder, 2, F_INDICES, F_NAMES)
+    G = _tensor(recorder, 3, G_INDICES, G_NAMES)
 
     try:
         result = density(F, G, ParameterNamespace(recorder, parameters), MathNamespace(recorder))
@@ -231,6 +252,14 @@ def trace(density: Density, name: str, parameters: Sequence[str]) -> TracedEnerg
         result=index[result.index],
         uses_second_gradient=any(variable.startswith("G") for variable in variables),
     )
+
+
+def _tensor(
+    recorder: Recorder, order: int, indices: Sequence[tuple[int, ...]], names: Sequence[str], head: tuple[int, ...] = ()
+) -> Any:
+    if len(head) == order:
+        return recorder.add("variable", value=names[list(indices).index(head)])
+    return TracedTensor(recorder, [_tensor(recorder, order, indices, names, (*head, i)) for i in (0, 1)])
 
 
 def _check_names(recorder: Recorder, parameters: Sequence[str]) -> None:
