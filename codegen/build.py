@@ -139,7 +139,7 @@ def compile_library(c_source: str, output: Path) -> None:
     except OSError as error:
         raise CodegenError(f"compiling {output.stem} failed: {error}") from error
     logger.info("%s", result.stderr)
-    first = next((line for line in result.stderr.splitlines() if "error" in line), result.stderr[:200])
+    first = next((line for line in result.stderr.splitlines() if "error:" in line), result.stderr[:200])
     raise CodegenError(f"compiling {output.stem} with {compiler()[0]} failed: {first.strip()}")
 
 
