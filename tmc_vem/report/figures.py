@@ -42,10 +42,12 @@ def draw_deformed(fields: Fields, path: Path, title: str = "", *, component: int
     scale = Normalize(u.min(), u.max() if np.ptp(u) > 0 else u.min() + 1.0)
 
     extent = np.ptp(deformed, axis=0)
-    width = 10.0
-    figure = Figure(figsize=(width, float(np.clip(0.8 * width * extent[1] / extent[0] + 1.4, 2.5, 9.0))))
+    width = 9.0
+    height = float(np.clip(0.85 * width * extent[1] / extent[0], 1.5, 8.0)) + 1.7  # 1.7 for title, labels and scale
+    figure = Figure(figsize=(width, height))
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
+    axes = figure.add_axes((0.08, 1.3 / height, 0.89, 1.0 - 1.7 / height))
+    scale_axes = figure.add_axes((0.08, 0.5 / height, 0.89, 0.15 / height))
     styles = ((is_medium, 0.35, 0.15, "0.45"), (~is_medium, 1.0, 0.25, "0.25"))
     for members, alpha, line, edge in styles:
         chosen = np.flatnonzero(members)
@@ -55,9 +57,7 @@ def draw_deformed(fields: Fields, path: Path, title: str = "", *, component: int
         )  # fmt: skip
         axes.add_collection(collection)
     axes.add_collection(LineCollection(_outline(cells, ~is_medium, deformed), colors="black", linewidths=0.9))
-    figure.colorbar(
-        collection, ax=axes, orientation="horizontal", fraction=0.06, pad=0.14, label=f"$u_{'xy'[component]}$"
-    )
+    figure.colorbar(collection, cax=scale_axes, orientation="horizontal", label=f"$u_{'xy'[component]}$")
     if is_medium.any():
         middle = collection.get_cmap()(0.5)
         axes.legend(
@@ -73,7 +73,7 @@ def draw_deformed(fields: Fields, path: Path, title: str = "", *, component: int
     axes.set_title(title, fontsize=10)
     axes.set_xlabel("x")
     axes.set_ylabel("y")
-    figure.savefig(path, dpi=150, bbox_inches="tight")
+    figure.savefig(path, dpi=130)
 
 
 def _outline(cells: list[NDArray[np.int64]], chosen: NDArray[np.bool_], points: Float) -> list[Float]:

@@ -1,0 +1,185 @@
+"""The command line: results, bad input in one line, and what is on disk afterwards."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CELLS = ("--cells", "20", "5")
+SHORT = (*CELLS, "--uy", "-0.05")
+
+
+def tmc(*arguments: str, cwd: Path | None = None, ranks: int = 0) -> subprocess.CompletedProcess[str]:
+    """Run tmc-vem in a process of its own."""
+    launcher = ["mpirun", "-n", str(ranks)] if ranks else []
+    command = [*launcher, sys.executable, "-c", "from tmc_vem.cli.main import main; main()", *arguments]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_json_is_all_that_stdout_has() -> None:
+    done = tmc("run", "box", *SHORT, "--json")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["complete"]
+    assert result["load"] == 1.0
+    assert 0.2 < result["gap"] < 0.3
+    assert result["inputs"]["medium"]["regulariser"] == "huhu_lulu"
+    assert set(result["min_j"]) == {"solid", "medium"}
+    assert result["seconds"]["total"] > result["seconds"]["assembly"] > 0.0
+
+
+def test_run_directory_is_complete(tmp_path: Path) -> None:
+    out = tmp_path / "deep" / "box"
+    done = tmc("run", "box", *SHORT, "--steps", "4", "--snapshots", "2", "--out", str(out))
+    assert done.returncode == 0, done.stderr
+    result = json.loads((out / "result.json").read_text())
+    assert result["steps"] == 4
+    with (out / "history.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["load"]) for row in rows] == pytest.approx([0.25, 0.5, 0.75, 1.0], abs=1e-15)
+    assert float(rows[-1]["gap"]) == result["gap"]
+    assert (out / "deformed.png").read_bytes().startswith(b"\x89PNG")
+    collection = (out / "fields.pvd").read_text()
+    for step in (2, 4):
+        assert f"fields/step_{step:05d}.vtu" in collection
+        assert (out / f"fields/step_{step:05d}.vtu").exists()
+    assert "gap" in done.stdout
+    assert not list(out.glob(".*"))  # no temporary files
+
+
+def test_fields_hold_true_polygons(tmp_path: Path) -> None:
+    meshio = pytest.importorskip("meshio")
+    out = tmp_path / "box"
+    assert tmc("run", "box", *SHORT, "--snapshots", "1", "--out", str(out), "--quiet").returncode == 0
+    mesh = meshio.read(next(out.glob("fields/*.vtu")))
+    assert [(block.type, block.data.shape) for block in mesh.cells] == [("polygon", (100, 8))]
+    assert set(mesh.cell_data) == {"J", "min_J", "energy_density", "region"}
+    displacement = mesh.point_data["displacement"]
+    load_point = ((mesh.points[:, :2] - (1.0, 0.5)) ** 2).sum(axis=1).argmin()
+    assert displacement[load_point, 1] == pytest.approx(-0.05)
+    assert (mesh.cell_data["J"][0] > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--gamma", "-1"), ("gamma", "-1", "positive")),
+        (("--gamma", "0"), ("gamma", "positive")),
+        (("--gamma", "nan"), ("gamma", "positive")),
+        (("--gamma", "soft"), ("gamma", "soft")),
+        (("--alpha-r", "0"), ("alpha_r", "positive")),
+        (("--beta", "-5"), ("beta", "negative")),
+        (("--uy", "inf"), ("uy", "finite")),
+        (("--regulariser", "nope"), ("nope", "huhu", "angle")),
+        (("--regulariser", "missing.py:f"), ("missing.py",)),
+        (("--regulariser", "huhu", "--param", "kappa=1"), ("huhu", "no parameters")),
+        (("--param", "kappa"), ("kappa", "NAME=VALUE")),
+        (("--cells", "30", "10"), ("30 cells in x", "wall", "multiple of 20")),
+        (("--cells", "40", "7"), ("7 cells in y", "wall", "multiple of 5")),
+        (("--cells", "0", "0"), ("cells",)),
+        (("--cells", "40"), ("--cells",)),
+        (("--l", "2"), ("cell 0", "2 spurious modes", "l >= 3")),
+        (("--l", "9"), ("l = 9",)),
+        (("--order", "1"), ("order k = 1",)),
+        (("--steps", "0"), ("0 load steps",)),
+        (("--quadrature", "1"), ("quadrature",)),
+        (("--snapshots", "-1"), ("snapshots",)),
+        (("--gama", "1"), ("--gama", "--gamma")),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    arguments: tuple[str, ...], words: tuple[str, ...], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    done = tmc("run", "box", *arguments, "--out", str(out), cwd=tmp_path)
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+    for word in words:
+        assert word in done.stderr
+    assert done.stdout == ""
+    assert not list(tmp_path.iterdir())  # nothing half-written
+
+
+def test_output_directory_that_is_a_file_is_refused(tmp_path: Path) -> None:
+    target = tmp_path / "file"
+    target.write_text("mine")
+    done = tmc("run", "box", *SHORT, "--out", str(target))
+    assert done.returncode == 2
+    assert "is a file" in done.stderr
+    assert target.read_text() == "mine"
+
+
+def test_earlier_runs_and_other_things_are_not_replaced(tmp_path: Path) -> None:
+    out = tmp_path / "box"
+    assert tmc("run", "box", *SHORT, "--out", str(out), "--quiet").returncode == 0
+    before = (out / "result.json").read_bytes()
+    again = tmc("run", "box", *SHORT, "--out", str(out))
+    assert again.returncode == 2
+    assert "--overwrite" in again.stderr
+    assert (out / "result.json").read_bytes() == before
+    assert tmc("run", "box", *SHORT, "--uy", "-0.02", "--out", str(out), "--overwrite", "--quiet").returncode == 0
+    assert json.loads((out / "result.json").read_text())["displacement"] == -0.02
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "thesis.tex").write_text("years")
+    refused = tmc("run", "box", *SHORT, "--out", str(other), "--overwrite")
+    assert refused.returncode == 2
+    assert (other / "thesis.tex").read_text() == "years"
+
+
+def test_unreached_load_is_exit_code_3_and_keeps_what_converged(tmp_path: Path) -> None:
+    out = tmp_path / "box"
+    done = tmc("run", "box", *CELLS, "--uy", "-40", "--out", str(out), "--quiet")
+    assert done.returncode == 3, done.stderr
+    assert "stopped at" in done.stderr
+    result = json.loads((out / "result.json").read_text())
+    assert not result["complete"]
+    assert 0.0 < result["load"] < 1.0
+    with (out / "history.csv").open() as file:
+        assert float(list(csv.DictReader(file))[-1]["load"]) == result["load"]
+
+
+def test_own_regulariser_from_a_file(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(
+        "def bending(F, G, p, m):\n"
+        "    skew = [G[0][1][k] - G[1][0][k] for k in (0, 1)]\n"
+        "    return p.kappa / 2 * (skew[0] ** 2 + skew[1] ** 2 + G[0][0][0] ** 2 + G[1][1][1] ** 2)\n"
+    )
+    arguments = ("--regulariser", "mine.py:bending", "--param", "kappa=0.1")
+    done = tmc("run", "box", *SHORT, *arguments, "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["inputs"]["medium"]["parameters"] == {"kappa": 0.1}
+
+
+def test_two_ranks_print_once_and_write_pieces(tmp_path: Path) -> None:
+    out = tmp_path / "box"
+    done = tmc("run", "box", *SHORT, "--snapshots", "1", "--json", "--out", str(out), ranks=2)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["versions"]["ranks"] == 2
+    assert len(list(out.glob("fields/*.vtu"))) == 2
+    assert (out / "deformed.png").exists()
+
+
+def test_bad_input_on_two_ranks_is_said_once() -> None:
+    done = tmc("run", "box", "--l", "2", ranks=2)
+    assert done.returncode != 0
+    assert done.stderr.count("spurious modes") == 1
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("run", "--help"), ("run", "box", "--help"), ("codegen", "--help")])
+def test_help_pages(arguments: tuple[str, ...]) -> None:
+    done = tmc(*arguments)
+    assert done.returncode == 0
+    assert "Usage: tmc-vem" in done.stdout
+
+
+def test_info_names_versions() -> None:
+    done = tmc("info")
+    assert done.returncode == 0, done.stderr
+    for name in ("tmc-vem", "petsc", "C compiler"):
+        assert name in done.stdout

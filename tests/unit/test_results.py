@@ -1,0 +1,93 @@
+"""Run directories survive a round trip, and what is not one is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tmc_vem import Box, Medium, RunOptions, run
+from tmc_vem.errors import InputError
+from tmc_vem.fields import Fields, Polygons
+from tmc_vem.results import RunDirectory, RunResult
+from tmc_vem.timing import Timer
+
+
+@pytest.fixture(scope="module")
+def short_run(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
+    out = tmp_path_factory.mktemp("runs") / "box"
+    return run(Box(cells=(20, 5), uy=-0.02, medium=Medium(gamma=1e-4)), out, RunOptions(snapshots=0))
+
+
+def test_round_trip(short_run: RunResult) -> None:
+    assert short_run.directory is not None
+    again = RunResult.read(short_run.directory)
+    assert again.history == short_run.history
+    assert again.as_dict() == json.loads(short_run.to_json())
+
+
+def test_python_and_history_agree(short_run: RunResult) -> None:
+    assert short_run.gap == short_run.history[-1].gap
+    assert short_run.newton_iterations == sum(r.iterations + r.wasted_iterations for r in short_run.history)
+    assert short_run.history[-1].displacement == -0.02
+
+
+def test_reading_refuses_what_is_not_a_run(tmp_path: Path, short_run: RunResult) -> None:
+    with pytest.raises(InputError, match="not a run directory"):
+        RunResult.read(tmp_path)
+    (tmp_path / "result.json").write_text("{")
+    with pytest.raises(InputError, match="readable"):
+        RunResult.read(tmp_path)
+
+
+def test_reading_refuses_a_newer_schema(tmp_path: Path, short_run: RunResult) -> None:
+    data = short_run.as_dict() | {"schema": 99}
+    (tmp_path / "result.json").write_text(json.dumps(data))
+    (tmp_path / "history.csv").write_text("step\n")
+    with pytest.raises(InputError, match="newer version"):
+        RunResult.read(tmp_path)
+
+
+def test_a_number_that_is_none_becomes_null(short_run: RunResult) -> None:
+    from dataclasses import replace
+
+    text = replace(short_run, load=float("nan")).to_json()
+    assert json.loads(text)["load"] is None
+
+
+def test_directory_below_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be made"):
+        RunDirectory(tmp_path / "file" / "run")
+
+
+def test_options_are_checked() -> None:
+    with pytest.raises(InputError, match="unknown method"):
+        RunOptions(method="bem")
+    with pytest.raises(InputError, match="largest step"):
+        RunOptions(largest_step=0.0)
+
+
+def test_merging_fields_keeps_cells_apart() -> None:
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+
+    def part(x: float) -> Fields:
+        polygons = Polygons(square + np.array([x, 0.0]), np.array([0, 4]), np.arange(4), np.array([0]), ("solid",))
+        return Fields(polygons, np.full((4, 2), x), np.array([x]), np.array([x]), np.array([x]))
+
+    merged = Fields.merge([part(0.0), part(1.0)])
+    assert merged.polygons.n_cells == 2
+    for c, x in enumerate((0.0, 1.0)):
+        assert merged.polygons.points_nx[merged.polygons.cell(c), 0].min() == x
+        assert (merged.displacement_ni[merged.polygons.cell(c)] == x).all()
+
+
+def test_timer_counts_nested_phases_once() -> None:
+    timer = Timer()
+    with timer("outer"), timer("inner"):
+        sum(range(10000))
+    report = timer.report()
+    assert sum(report[phase] for phase in ("outer", "inner", "other")) == pytest.approx(report["total"])
+    assert report["inner"] > report["outer"]
