@@ -1,0 +1,268 @@
+"""The one place that knows versions of dolfinx.
+
+Tested with 0.5.2 (Debian 12) and 0.9.0 (Debian 13). 0.6 to 0.8 and 0.10 are mapped from their documentation; every
+other version is refused. Nothing else in the package imports dolfinx, basix or ufl before :func:`require` has passed.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import logging
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.errors import InputError
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+
+OLDEST, NEWEST = (0, 5), (0, 10)
+INSTALL = "apt-get install python3-dolfinx-real (Debian) or conda install -c conda-forge fenics-dolfinx"
+TRIANGLE, QUADRILATERAL = "triangle", "quadrilateral"
+
+# -O2 is what dolfinx uses anyway; a tangent with facet terms takes longer to compile than dolfinx's limit of 10 s.
+JIT_OPTIONS = {"cffi_extra_compile_args": ["-O2", "-g0"], "timeout": 600}
+
+
+@functools.cache
+def require() -> tuple[int, int]:
+    """Import dolfinx and check it.
+
+    Returns:
+        Major and minor version.
+
+    Raises:
+        InputError: dolfinx is missing, too old, too new or built for complex numbers; one line that says what to do.
+    """
+    try:
+        dolfinx = importlib.import_module("dolfinx")
+    except ImportError as error:
+        raise InputError(f"the finite element method needs dolfinx ({error}): {INSTALL}") from None
+    version = parse_version(dolfinx.__version__)
+    from petsc4py import PETSc
+
+    if np.issubdtype(PETSc.ScalarType, np.complexfloating):
+        raise InputError(f"dolfinx is built for complex numbers here; the real build is needed: {INSTALL}")
+    importlib.import_module("dolfinx.fem.petsc")
+    return version
+
+
+def parse_version(text: str) -> tuple[int, int]:
+    """Major and minor version of dolfinx from its version string.
+
+    Raises:
+        InputError: it is not between :data:`OLDEST` and :data:`NEWEST`.
+    """
+    found = re.match(r"(\d+)\.(\d+)", text)
+    version = (int(found[1]), int(found[2])) if found else (-1, -1)
+    if not OLDEST <= version <= NEWEST:
+        low, high = (".".join(map(str, v)) for v in (OLDEST, NEWEST))
+        raise InputError(f"dolfinx {text} is not supported: use {low} to {high} ({low}.2 and 0.9 are tested)")
+    return version
+
+
+def create_mesh(comm: Any, cell: str, cells: Int, points: Float) -> Any:
+    """Distributed mesh whose facets on a border between ranks know both of their cells.
+
+    Args:
+        comm: communicator.
+        cell: :data:`TRIANGLE` or :data:`QUADRILATERAL`.
+        cells: (n, 3 or 4) global vertices of this rank's cells in the order of :func:`tensor_order`.
+        points: (m, 2) coordinates of this rank's block of the vertices.
+    """
+    version = require()
+    from dolfinx import mesh
+
+    if version >= (0, 7):
+        from basix.ufl import element
+
+        coordinates = element("Lagrange", cell, 1, shape=(2,))
+    else:
+        from ufl import VectorElement
+
+        coordinates = VectorElement("Lagrange", cell, 1)
+    import ufl
+
+    domain = ufl.Mesh(coordinates)
+    if version < (0, 6):
+        return mesh.create_mesh(comm, cells, points, domain)  # its default is what is asked for here
+    shared = mesh.create_cell_partitioner(mesh.GhostMode.shared_facet)
+    if version >= (0, 10):
+        return mesh.create_mesh(comm, cells=cells, x=points, e=domain, partitioner=shared)
+    return mesh.create_mesh(comm, cells, points, domain, partitioner=shared)
+
+
+def tensor_order(cell: str) -> list[int]:
+    """Where the vertices of a counter-clockwise polygon stand in dolfinx' cell."""
+    return [0, 1, 2] if cell == TRIANGLE else [0, 1, 3, 2]
+
+
+def reference_edges(cell: str) -> Int:
+    """(n_edges, 2) vertices of the reference cell's edges, in dolfinx' numbering of edges."""
+    pairs = [(1, 2), (0, 2), (0, 1)] if cell == TRIANGLE else [(0, 1), (0, 2), (1, 3), (2, 3)]
+    return np.array(pairs)
+
+
+def vector_space(mesh: Any, order: int) -> Any:
+    """Continuous Lagrange space of displacements."""
+    from dolfinx import fem
+
+    if require() >= (0, 7):
+        return fem.functionspace(mesh, ("Lagrange", order, (2,)))
+    return fem.VectorFunctionSpace(mesh, ("Lagrange", order))
+
+
+def cell_function(mesh: Any, values: Float) -> Any:
+    """Piecewise constant function with the values (n,) of the local cells, ghosts included."""
+    from dolfinx import fem
+
+    space = fem.functionspace(mesh, ("DG", 0)) if require() >= (0, 7) else fem.FunctionSpace(mesh, ("DG", 0))
+    function = fem.Function(space)
+    function.x.array[rows(space.dofmap.list, len(values))[:, 0]] = values
+    return function
+
+
+def rows(adjacency: Any, n_rows: int) -> NDArray[Any]:
+    """Array (n_rows, width) of a map in which every row is equally long: a list of lists before 0.7, an array since."""
+    flat = adjacency.array if hasattr(adjacency, "array") else adjacency
+    array: NDArray[Any] = np.asarray(flat).reshape(n_rows, -1)
+    return array
+
+
+def form(expression: Any) -> Any:
+    """Compile a form; the result is kept in dolfinx' cache, so that the next run finds it there."""
+    from dolfinx import fem
+
+    option = "jit_options" if require() >= (0, 6) else "jit_params"
+    with _quiet():
+        return fem.form(expression, **{option: JIT_OPTIONS})
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Undo what setuptools, which compiles the forms, does to the root logger, and keep its commands to itself."""
+    root = logging.getLogger()
+    level, handlers, disabled = root.level, list(root.handlers), root.manager.disable
+    logging.disable(logging.INFO)
+    try:
+        yield
+    finally:
+        logging.disable(disabled)
+        root.setLevel(level)
+        root.handlers[:] = handlers
+
+
+def assemble_vector(out: Any, compiled: Any) -> None:
+    """Assemble a linear form into a function's degrees of freedom, summed over the ranks."""
+    from dolfinx import fem
+
+    out.x.array[:] = 0.0
+    fem.assemble_vector(out.x.array, compiled)
+    scatter_reverse(out)
+
+
+def scatter_reverse(function: Any) -> None:
+    """Add what ghosted degrees of freedom hold to their owners."""
+    from dolfinx import la
+
+    mode = la.InsertMode.add if hasattr(la, "InsertMode") else la.ScatterMode.add
+    function.x.scatter_reverse(mode)
+
+
+def create_matrix(compiled: Any) -> Any:
+    """Matrix with the pattern of a bilinear form."""
+    from dolfinx.fem import petsc
+
+    return petsc.create_matrix(compiled)
+
+
+def assemble_matrix(out: Any, compiled: Any) -> None:
+    """Assemble a bilinear form, without boundary conditions."""
+    from dolfinx.fem import petsc
+
+    out.zeroEntries()
+    petsc.assemble_matrix(out, compiled)
+    out.assemble()
+
+
+def lagrange_table(cell: str, order: int, points: Float, n_derivatives: int) -> Float:
+    """Derivatives of the scalar Lagrange basis: (n_derivatives_in_all, n_points, n_basis).
+
+    The first axis runs over value, d1, d2, d1d1, d1d2, d2d2 as far as ``n_derivatives`` asks for.
+    """
+    import basix
+
+    family, variant = basix.ElementFamily.P, basix.LagrangeVariant.gll_warped
+    cell_type = getattr(basix.CellType, cell)
+    if require() >= (0, 6):
+        element = basix.create_element(family, cell_type, order, lagrange_variant=variant)
+    else:
+        element = basix.create_element(family, cell_type, order, variant, False)
+    table: Float = np.asarray(element.tabulate(n_derivatives, points))[..., 0]
+    return table
+
+
+def quadrature(cell: str, degree: int) -> tuple[Float, Float]:
+    """Points (n, 2) and weights (n,) on the reference cell: the rule that the form compiler uses for a degree."""
+    import basix
+
+    points, weights = basix.make_quadrature(getattr(basix.CellType, cell), degree)
+    return np.asarray(points), np.asarray(weights)
+
+
+def atan2(y: Any, x: Any) -> Any:
+    """UFL's atan2."""
+    import ufl
+
+    return ufl.atan2(y, x) if hasattr(ufl, "atan2") else ufl.atan_2(y, x)
+
+
+def mesh_tags(mesh: Any, dimension: int, entities: NDArray[Any], values: NDArray[Any]) -> Any:
+    """Numbers on some entities of a mesh, which may come in any order."""
+    from dolfinx.mesh import meshtags
+
+    order = np.argsort(entities, kind="stable")
+    return meshtags(mesh, dimension, entities[order].astype(np.int32), values[order].astype(np.int32))
+
+
+def neighbours(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Local facets between two cells, and these cells: (n,) and (n, 2)."""
+    mesh.topology.create_entities(1)
+    mesh.topology.create_connectivity(1, 2)
+    mesh.topology.create_connectivity(2, 1)
+    to_cells = mesh.topology.connectivity(1, 2)
+    offsets, cells = np.asarray(to_cells.offsets), np.asarray(to_cells.array)
+    facets = np.flatnonzero(np.diff(offsets) == 2)
+    return facets, cells[offsets[facets][:, None] + np.arange(2)]
+
+
+def original_cells(mesh: Any) -> Int:
+    """Numbers of the local cells, ghosts included, in the mesh as it was handed to :func:`create_mesh`."""
+    return np.asarray(mesh.topology.original_cell_index, dtype=np.int64)
+
+
+def constants(mesh: Any, values: Sequence[float]) -> list[Any]:
+    """Numbers that can change without a form being compiled again."""
+    from dolfinx import fem
+
+    return [fem.Constant(mesh, float(value)) for value in values]
+
+
+def function(space: Any) -> Any:
+    """A function of a space, zero."""
+    from dolfinx import fem
+
+    return fem.Function(space)
+
+
+def assemble_scalar(compiled: Any) -> float:
+    """This rank's part of an integral."""
+    from dolfinx import fem
+
+    return float(fem.assemble_scalar(compiled))

@@ -1,0 +1,166 @@
+"""The potential as UFL forms: the regions' densities over cells, and the interior penalty over facets in the medium.
+
+Residual and tangent are derivatives of the potential, so they agree with it and the tangent is symmetric.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.energy import Energy
+from tmc_vem.errors import InputError
+from tmc_vem.fem import compat
+from tmc_vem.fem.maths import ufl_namespace
+from tmc_vem.fem.mesh import FemMesh
+from tmc_vem.fem.settings import FemSettings
+
+_AXES = (0, 1)
+
+
+class RegionDensity(Protocol):
+    """Energy of a region, the values of its parameters, and whether it is the third medium."""
+
+    @property
+    def energy(self) -> Energy: ...
+
+    @property
+    def values(self) -> Mapping[str, float]: ...
+
+    @property
+    def is_medium(self) -> bool: ...
+
+
+@dataclass(frozen=True)
+class Forms:
+    """UFL forms of a potential.
+
+    Attributes:
+        cells: the regions' energies.
+        facets: by region name, the interior penalty's energy, for the media that have one.
+        residual: first derivative of all of it.
+        tangent: second derivative.
+    """
+
+    cells: Any
+    facets: Mapping[str, Any]
+    residual: Any
+    tangent: Any
+
+
+def make_forms(
+    mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], settings: FemSettings, body_force: Any = None
+) -> Forms:
+    """Forms of the potential at ``u``, a function in the displacement space.
+
+    Raises:
+        InputError: a medium with interior penalty lacks one of the parameters gamma and alpha_r.
+    """
+    import ufl
+
+    domain = mesh.mesh
+    names = mesh.names.regions
+    metadata = {"quadrature_degree": settings.quadrature}
+    cell_tags = compat.mesh_tags(domain, 2, np.arange(len(mesh.region_c)), mesh.region_c)
+    dx = ufl.Measure("dx", domain=domain, subdomain_data=cell_tags, metadata=metadata)
+    parameters = {name: _parameters(domain, regions[name]) for name in names}
+    G = ufl.variable(ufl.grad(ufl.grad(u)))
+    densities = {name: _density(u, G, regions[name].energy, parameters[name]) for name in names}
+    cells = sum(densities[name] * dx(number) for number, name in enumerate(names))
+
+    facets: dict[str, Any] = {}
+    if settings.interior_penalty != "none":
+        media = [name for name in names if regions[name].is_medium]
+        facet_tags = _facet_tags(mesh, media)
+        dS = ufl.Measure("dS", domain=domain, subdomain_data=facet_tags, metadata=metadata)
+        width = _width(mesh)
+        for tag, name in enumerate(media, start=1):
+            _require_medium_parameters(name, regions[name].energy)
+            facets[name] = _interior_penalty(u, G, densities[name], parameters[name], width, domain, settings) * dS(tag)
+
+    potential = cells + sum(facets.values()) if facets else cells
+    space = u.function_space
+    residual = ufl.derivative(potential, u, ufl.TestFunction(space))
+    return Forms(cells, facets, residual, ufl.derivative(residual, u, ufl.TrialFunction(space)))
+
+
+def _parameters(domain: Any, region: RegionDensity) -> SimpleNamespace:
+    """Constants by name: their values can change without the form being compiled again."""
+    names = region.energy.parameters
+    values = compat.constants(domain, [region.values[name] for name in names])
+    return SimpleNamespace(**dict(zip(names, values, strict=True)))
+
+
+def _density(u: Any, G: Any, energy: Energy, p: SimpleNamespace) -> Any:
+    """psi as a UFL expression; the density sees nested lists of components."""
+    F = _deformation_gradient(u)
+    components = [[[G[i, j, k] for k in _AXES] for j in _AXES] for i in _AXES]
+    return energy.density(F, components, p, ufl_namespace())
+
+
+def _deformation_gradient(u: Any) -> list[list[Any]]:
+    import ufl
+
+    gradient = ufl.grad(u)
+    return [[gradient[i, j] + (1 if i == j else 0) for j in _AXES] for i in _AXES]
+
+
+def _interior_penalty(
+    u: Any, G: Any, density: Any, p: SimpleNamespace, width: Any, domain: Any, settings: FemSettings
+) -> Any:
+    """Energy per length of facet: ``gamma alpha_r eta / (2 h) w |[[grad u]] n|^2``, and the consistency term."""
+    import ufl
+
+    n = ufl.FacetNormal(domain)
+    jump = ufl.jump(ufl.grad(u), n)
+    weight = p.gamma * p.alpha_r * settings_constant(domain, settings.eta) / (2 * width)
+    if hasattr(p, "beta"):
+        F = _deformation_gradient(u)
+        weight = weight * ufl.avg(ufl.exp(-p.beta * (F[0][0] * F[1][1] - F[0][1] * F[1][0])))
+    energy = weight * ufl.inner(jump, jump)
+    if settings.interior_penalty == "full":
+        T = ufl.diff(density, G)
+        i, j, k = ufl.indices(3)
+        moment = ufl.as_vector(T[i, j, k] * n[j] * n[k], i)
+        energy = energy - ufl.inner(ufl.avg(moment), jump)
+    return energy
+
+
+def settings_constant(domain: Any, value: float) -> Any:
+    """A number that can change without recompilation."""
+    return compat.constants(domain, [value])[0]
+
+
+def _width(mesh: FemMesh) -> Any:
+    """h of a facet: mean area of its two cells over its length, doubled for triangles; both give a square's side."""
+    import ufl
+
+    area = compat.cell_function(mesh.mesh, mesh.areas_c)
+    length = ufl.geometry.FacetJacobianDeterminant(mesh.mesh)
+    factor = 2 if mesh.cell == compat.TRIANGLE else 1
+    return factor * ufl.avg(area) / length("+")
+
+
+def _facet_tags(mesh: FemMesh, media: Sequence[str]) -> Any:
+    """Number 1, 2, ... of the medium on facets between two of its cells."""
+    facets, cells = compat.neighbours(mesh.mesh)
+    numbers = np.array([mesh.names.regions.index(name) for name in media])
+    region: NDArray[Any] = mesh.region_c[cells]
+    tags = np.zeros(len(facets), dtype=np.int32)
+    for tag, number in enumerate(numbers, start=1):
+        tags[(region == number).all(axis=1)] = tag
+    return compat.mesh_tags(mesh.mesh, 1, facets[tags > 0], tags[tags > 0])
+
+
+def _require_medium_parameters(name: str, energy: Energy) -> None:
+    for wanted in ("gamma", "alpha_r"):
+        if wanted not in energy.parameters:
+            raise InputError(
+                f"region '{name}': the interior penalty is weighted by gamma and alpha_r, but energy '{energy.name}' "
+                f"has no parameter '{wanted}'; use interior penalty 'none'"
+            )

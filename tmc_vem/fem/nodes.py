@@ -1,0 +1,133 @@
+"""Nodes of the displacement space: which belong to cells and names, and the cells as polygons through them."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.constraints import Prescribed
+from tmc_vem.errors import InputError
+from tmc_vem.fem import compat
+from tmc_vem.fem.mesh import FemMesh
+from tmc_vem.fields import Polygons
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+
+
+class Nodes:
+    """Nodes of a Lagrange space; degree of freedom ``2 node + component``. Owned nodes come first, then ghosts.
+
+    Attributes:
+        n_owned, n_local, n_global: nodes of this rank, with ghosts, and of all ranks.
+        cell_nodes_ca: (n_cells, n_basis) nodes of the local cells, ghosts included.
+        points_nx: (n_local, 2) coordinates.
+    """
+
+    def __init__(self, mesh: FemMesh, space: Any, order: int) -> None:
+        self._mesh, self._space = mesh, space
+        index_map = space.dofmap.index_map
+        self.n_owned, self.n_global = int(index_map.size_local), int(index_map.size_global)
+        self.n_local = self.n_owned + index_map.num_ghosts
+        self.cell_nodes_ca: Int = compat.rows(space.dofmap.list, len(mesh.region_c)).astype(np.int64)
+        self.points_nx: Float = np.array(space.tabulate_dof_coordinates())[: self.n_local, :2]
+        layout = space.dofmap.dof_layout
+        n_edges = len(compat.reference_edges(mesh.cell))
+        self._edge_positions = [np.asarray(layout.entity_dofs(1, e)) for e in range(n_edges)]
+        self.named = functools.cache(self._named)
+        self.polygon_nodes = functools.cache(self._polygon_nodes)
+        self.sides_cn = functools.cache(self._sides)
+
+    def function(self) -> Any:
+        """A new function of the space, zero."""
+        return compat.function(self._space)
+
+    def _named(self, where: str) -> Int:
+        """Owned nodes of a named point or edge set (empty if they are on other ranks).
+
+        Raises:
+            InputError: the mesh has nothing of that name.
+        """
+        names, vertices_cv = self._mesh.names, self._mesh.vertices_cv
+        if where not in names.points and where not in names.edges:
+            raise InputError(f"the mesh has neither a point nor edges named '{where}'")
+        mark = self.function()
+        here = mark.x.array
+        if where in names.points:
+            cells, corners = np.nonzero(vertices_cv == names.points[where])
+            here[2 * self.cell_nodes_ca[cells, corners]] = 1.0
+        if where in names.edges:
+            wanted = {tuple(pair) for pair in names.edges[where].tolist()}
+            for pair, inner in zip(compat.reference_edges(self._mesh.cell), self._edge_positions, strict=True):
+                ends = np.sort(vertices_cv[:, pair], axis=1).tolist()
+                cells = np.array([c for c, key in enumerate(ends) if tuple(key) in wanted], dtype=np.int64)
+                along = np.concatenate([pair, inner])
+                here[2 * self.cell_nodes_ca[cells][:, along].ravel()] = 1.0
+        # the owner of an end vertex may not have the edge itself
+        compat.scatter_reverse(mark)
+        nodes: Int = np.flatnonzero(mark.x.array[: 2 * self.n_owned : 2] > 0.0)
+        return nodes
+
+    def locate(self, prescribed: Sequence[Prescribed]) -> tuple[NDArray[np.int32], Float]:
+        """Owned constrained degrees of freedom, without duplicates, and their values at load factor 1."""
+        values: dict[int, float] = {}
+        for condition in prescribed:
+            for node in self.named(condition.where).tolist():
+                values[2 * node + condition.component] = condition.value
+        dofs = np.array(sorted(values), dtype=np.int32)
+        return dofs, np.array([values[dof] for dof in dofs.tolist()])
+
+    def sum_over_cells(self, values_cai: Float) -> Float:
+        """Sum of element vectors (n_owned_cells, n_basis, 2) at the owned nodes (n_owned, 2), over all ranks."""
+        nodes = self.cell_nodes_ca[: len(values_cai)]
+        dofs = (2 * nodes[..., None] + np.arange(2)).ravel()
+        total = self.function()
+        total.x.array[:] = np.bincount(dofs, weights=values_cai.ravel(), minlength=2 * self.n_local)
+        compat.scatter_reverse(total)
+        owned: Float = np.array(total.x.array[: 2 * self.n_owned]).reshape(-1, 2)
+        return owned
+
+    def polygons(self) -> Polygons:
+        """This rank's cells as polygons through all nodes of their boundary."""
+        nodes, sides = self.polygon_nodes(), self.sides_cn()
+        position = np.full(self.n_local, -1, dtype=np.int64)
+        position[nodes] = np.arange(len(nodes))
+        mesh = self._mesh
+        return Polygons(
+            points_nx=self.points_nx[nodes],
+            offsets=np.arange(len(sides) + 1) * sides.shape[1],
+            connectivity=position[sides].ravel(),
+            region_c=mesh.region_c[: mesh.n_owned],
+            region_names=mesh.names.regions,
+        )
+
+    def _polygon_nodes(self) -> Int:
+        """Nodes that the polygons' points are."""
+        nodes: Int = np.unique(self.sides_cn())
+        return nodes
+
+    def _sides(self) -> Int:
+        """(n_owned_cells, n_sides * order) nodes along the boundary of each cell, counter-clockwise."""
+        mesh = self._mesh
+        nodes = self.cell_nodes_ca[: mesh.n_owned]
+        reference = [tuple(pair) for pair in compat.reference_edges(mesh.cell).tolist()]
+        corners = compat.tensor_order(mesh.cell)
+        columns = []
+        for start, end in zip(corners, corners[1:] + corners[:1], strict=True):
+            inner = nodes[:, self._edge_positions[reference.index((min(start, end), max(start, end)))]]
+            distance = np.linalg.norm(self.points_nx[inner] - self.points_nx[nodes[:, start]][:, None], axis=2)
+            columns += [nodes[:, [start]], np.take_along_axis(inner, np.argsort(distance, axis=1), axis=1)]
+        sides: Int = np.concatenate(columns, axis=1)
+        clockwise = _signed_areas(self.points_nx[sides]) < 0.0
+        sides[clockwise] = sides[clockwise][:, ::-1]
+        return sides
+
+
+def _signed_areas(polygons_cvx: Float) -> Float:
+    from tmc_vem.mesh.geometry import areas
+
+    return areas(polygons_cvx)

@@ -1,0 +1,268 @@
+"""The finite element discretisation of a potential in dolfinx: residual, tangent and step limits in PETSc objects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from tmc_vem.constraints import Prescribed
+from tmc_vem.errors import InputError
+from tmc_vem.fem import compat
+from tmc_vem.fem.forms import RegionDensity, make_forms
+from tmc_vem.fem.maths import numpy_namespace
+from tmc_vem.fem.mesh import distribute
+from tmc_vem.fem.nodes import Nodes
+from tmc_vem.fem.points import QuadraturePoints, jacobian, largest_step
+from tmc_vem.fem.settings import FemSettings
+from tmc_vem.fields import Polygons
+from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.solve.protocol import Evaluation, RegionValues
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+
+
+class FemSystem:
+    """Lagrange elements of order 2 or 3 for a potential of F and G; implements ``NonlinearSystem``.
+
+    Residual and tangent come from compiled forms; energies, J and the step limit from numpy at the same quadrature
+    points.
+
+    Args:
+        comm: communicator.
+        make_mesh: makes the problem's mesh; called on rank 0 only.
+        regions: energy by region name.
+        prescribed: displacement boundary conditions.
+        settings: element, quadrature and interior penalty.
+
+    Raises:
+        InputError: dolfinx is missing or of an unsupported version, the mesh has other cells than triangles or
+            quadrilaterals, a region has no energy, or a condition refers to a name that the mesh does not have.
+    """
+
+    def __init__(
+        self,
+        comm: Any,
+        make_mesh: Callable[[], PolygonMesh],
+        regions: Mapping[str, RegionDensity],
+        prescribed: Sequence[Prescribed] = (),
+        settings: FemSettings | None = None,
+    ) -> None:
+        self.comm = comm
+        self.settings = settings or FemSettings()
+        self.mesh = distribute(comm, make_mesh, triangles=self.settings.triangles)
+        self.region_names = self.mesh.names.regions
+        for name in self.region_names:
+            if name not in regions:
+                raise InputError(f"region '{name}' has no energy (given: {', '.join(regions)})")
+        self.densities = dict(regions)
+        self.size = self.mesh.extent
+        self.space = compat.vector_space(self.mesh.mesh, self.settings.order)
+        self.nodes = Nodes(self.mesh, self.space, self.settings.order)
+        self.points = QuadraturePoints.create(
+            self.mesh.cell, self.settings.order, self.settings.quadrature, self.mesh.points_cvx[: self.mesh.n_owned]
+        )
+        owned = self.mesh.region_c[: self.mesh.n_owned]
+        self._cells_of = [np.flatnonzero(owned == number) for number in range(len(self.region_names))]
+        self._state, self._gradient = self.nodes.function(), self.nodes.function()
+        self.forms = make_forms(self.mesh, self._state, regions, self.settings)
+        self._residual_form = compat.form(self.forms.residual)
+        self._tangent_form = compat.form(self.forms.tangent)
+        self._facet_forms = {name: compat.form(form) for name, form in self.forms.facets.items()}
+        self._tangent: Any = None
+        self._load_nodes: Float | None = None
+        self._owned, self._owned_values = self.nodes.locate(prescribed)
+
+    # -- NonlinearSystem -----------------------------------------------------------------------------------------
+
+    def create_vector(self) -> Any:
+        """A new global displacement vector, zero."""
+        vector = PETSc.Vec().createMPI((2 * self.nodes.n_owned, PETSc.DECIDE), comm=self.comm)
+        vector.set(0.0)
+        return vector
+
+    def create_matrix(self) -> Any:
+        """A new symmetric matrix with the pattern of the tangent."""
+        matrix = compat.create_matrix(self._tangent_form)
+        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
+        matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        return matrix
+
+    def constrained(self) -> NDArray[np.int32]:
+        """Constrained entries owned by this rank, as positions in its part of a global vector."""
+        return self._owned
+
+    def prescribed(self, load: float) -> Float:
+        """Displacements of :meth:`constrained` at a load factor."""
+        values: Float = load * self._owned_values
+        return values
+
+    def energy(self, u: Any) -> Evaluation:
+        """Potential at ``u``."""
+        return self._evaluation(self._local_values(u))
+
+    def residual(self, u: Any, out: Any) -> Evaluation:
+        """Full gradient of the potential into ``out``; its constrained entries are the reactions."""
+        u_nodes = self._local_values(u)
+        compat.assemble_vector(self._gradient, self._residual_form)
+        gradient = self._gradient.x.array[: 2 * self.nodes.n_owned]
+        out.getArray()[:] = gradient if self._load_nodes is None else gradient - self._load_nodes.ravel()
+        return self._evaluation(u_nodes)
+
+    def jacobian(self, u: Any, out: Any) -> None:
+        """Tangent at ``u`` with rows and columns of the identity at constrained degrees of freedom."""
+        self._local_values(u)
+        compat.assemble_matrix(out, self._tangent_form)
+        if self._tangent is None:
+            self._tangent = out.duplicate(copy=True)
+        else:
+            out.copy(self._tangent, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        first, _ = out.getOwnershipRange()
+        out.zeroRowsColumns((self._owned + first).astype(PETSc.IntType), diag=1.0)
+
+    def tangent_action(self, du: Any, out: Any) -> None:
+        """Product of the last tangent, without boundary conditions, and ``du``."""
+        self._tangent.mult(du, out)
+
+    def max_step(self, u: Any, du: Any) -> float:
+        """Largest s with J > 0 at every quadrature point along u + t du, t < s."""
+        gradient = self._first_gradient(self._local_values(u))
+        step = largest_step(gradient, self._first_gradient(self._local_values(du)))
+        return float(self.comm.allreduce(step, op=MPI.MIN))
+
+    def point_displacements(self, u: Any, names: Sequence[str]) -> Float:
+        """Displacements (n, 2) of named points, equal on all ranks."""
+        owned = u.getArray(readonly=True).reshape(-1, 2)
+        mine = {}
+        for name in names:
+            for node in self.nodes.named(name).tolist():
+                mine[name] = owned[node].copy()
+        found = {name: value for part in self.comm.allgather(mine) for name, value in part.items()}
+        return np.array([found[name] for name in names]).reshape(-1, 2)
+
+    def reaction(self, residual: Any, where: str, component: int) -> float:
+        """Force that holds a named point or edge set, summed over its nodes."""
+        array = residual.getArray(readonly=True).reshape(-1, 2)
+        return float(self.comm.allreduce(float(array[self.nodes.named(where), component].sum())))
+
+    # -- beyond the protocol -------------------------------------------------------------------------------------
+
+    @property
+    def n_dofs(self) -> int:
+        """Degrees of freedom of the whole system, constrained ones included."""
+        return 2 * self.nodes.n_global
+
+    @property
+    def n_cells_global(self) -> int:
+        """Cells of the whole mesh."""
+        return self.mesh.n_cells_global
+
+    def projection_degrees(self) -> dict[int, int]:
+        """Nothing is projected here."""
+        return {}
+
+    def point_coordinates(self, names: Sequence[str]) -> Float:
+        """Reference coordinates (n, 2) of named points."""
+        return np.array([self.mesh.names.coordinates[name] for name in names]).reshape(-1, 2)
+
+    def interpolate(self, displacement: Callable[[Float], Float]) -> Any:
+        """Vector of the nodal values of a function that maps points (n, 2) to displacements (n, 2)."""
+        vector = self.create_vector()
+        vector.getArray()[:] = displacement(self.nodes.points_nx[: self.nodes.n_owned]).ravel()
+        return vector
+
+    def set_body_force(self, force: Callable[[Float], Float]) -> None:
+        """Dead load per reference area: ``force`` maps points (n, 2) to vectors (n, 2)."""
+        points = self.points.X_cqx
+        loads = self.points.nodal_loads(force(points.reshape(-1, 2)).reshape(points.shape))
+        self._load_nodes = self.nodes.sum_over_cells(loads)
+
+    def output_polygons(self) -> Polygons:
+        """This rank's cells as polygons through all nodes of their boundary."""
+        return self.nodes.polygons()
+
+    def output_displacements(self, u: Any) -> Float:
+        """(n_points, 2) displacements of the polygons' points."""
+        return self._local_values(u)[self.nodes.polygon_nodes()]
+
+    def cell_areas(self) -> Float:
+        """(n_cells,) reference areas of this rank's cells."""
+        return self.mesh.areas_c[: self.mesh.n_owned]
+
+    def cell_energies(self, u: Any) -> Float:
+        """(n_cells,) energies of this rank's cells, without the interior penalty."""
+        return self._cell_values(self._local_values(u))[0]
+
+    def cell_jacobians(self, u: Any) -> tuple[Float, Float]:
+        """Mean and smallest J (n_cells,) of this rank's cells."""
+        J = jacobian(self._first_gradient(self._local_values(u)))
+        w = self.points.w_cq
+        return (w * J).sum(axis=1) / w.sum(axis=1), J.min(axis=1)
+
+    # -- internals -----------------------------------------------------------------------------------------------
+
+    def _local_values(self, u: Any) -> Float:
+        """Write ``u`` into the forms' function; values (n_nodes, 2) of this rank's nodes, ghosts included."""
+        array = self._state.x.array
+        array[: 2 * self.nodes.n_owned] = u.getArray(readonly=True)
+        self._state.x.scatter_forward()
+        values: Float = np.array(array).reshape(-1, 2)
+        return values
+
+    def _first_gradient(self, u_nodes: Float) -> Float:
+        return self.points.first_gradient(u_nodes[self.nodes.cell_nodes_ca[: self.mesh.n_owned]])
+
+    def _cell_values(self, u_nodes: Float) -> tuple[Float, Float]:
+        """Energy and smallest J of this rank's cells.
+
+        Near F = I the densities subtract numbers that are almost equal; numpy's extended precision, where the machine
+        has it, keeps the energy's digits that the line search compares.
+        """
+        energy_c, min_j_c = np.zeros((2, self.mesh.n_owned))
+        m = numpy_namespace()
+        for name, cells in zip(self.region_names, self._cells_of, strict=True):
+            region = self.densities[name]
+            p = SimpleNamespace(**{key: float(region.values[key]) for key in region.energy.parameters})
+            gradient, second = self.points.gradients(u_nodes[self.nodes.cell_nodes_ca[cells]], cells)
+            min_j_c[cells] = jacobian(gradient).min(axis=1)
+            F = [[gradient[..., i, j].astype(np.longdouble) + (i == j) for j in (0, 1)] for i in (0, 1)]
+            G = [[[second[..., i, j, k] for k in (0, 1)] for j in (0, 1)] for i in (0, 1)]
+            with np.errstate(all="ignore"):  # J <= 0 shows as NaN, which the evaluation reports
+                psi_cq = region.energy.density(F, G, p, m)
+                energy_c[cells] = (self.points.w_cq[cells] * psi_cq).sum(axis=1)
+        return energy_c, min_j_c
+
+    def _evaluation(self, u_nodes: Float) -> Evaluation:
+        """Energies and extremes; the forms' function holds the same state."""
+        energy_c, min_j_c = self._cell_values(u_nodes)
+        energy = {
+            name: float(energy_c[cells].sum()) for name, cells in zip(self.region_names, self._cells_of, strict=True)
+        }
+        for name, form in self._facet_forms.items():
+            energy[name] += compat.assemble_scalar(form)
+        lowest = {}
+        for name, cells in zip(self.region_names, self._cells_of, strict=True):
+            if len(cells):
+                worst = cells[int(np.argmin(min_j_c[cells]))]  # argmin takes a NaN for the smallest
+                lowest[name] = (float(min_j_c[worst]), int(self.mesh.cell_ids[worst]))
+        work = 0.0
+        if self._load_nodes is not None:
+            work = float((self._load_nodes * u_nodes[: self.nodes.n_owned]).sum())
+        parts = self.comm.allgather((energy, lowest, work))
+        regions, overall = {}, (np.inf, -1, "")
+        for name in self.region_names:
+            candidates = [part[1][name] for part in parts if name in part[1]]
+            smallest = min(candidates, key=lambda c: c[0] if c[0] == c[0] else -np.inf, default=(np.inf, -1))
+            regions[name] = RegionValues(sum(part[0][name] for part in parts), smallest[0])
+            if not smallest[0] >= overall[0]:
+                overall = (*smallest, name)
+        where = f"J = {overall[0]:.3g} in cell {overall[1]} of region '{overall[2]}'"
+        stored = sum(values.energy for values in regions.values())
+        return Evaluation(stored - sum(part[2] for part in parts), regions, where)
