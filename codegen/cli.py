@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
 
-from codegen.build import compile_library
 from codegen.compiler import derive, generate, versions
 from codegen.errors import CodegenError
-from codegen.kernel import Kernel
+from codegen.kernel import compile_energy
 from codegen.show import derivation
 from codegen.trace import trace
 from codegen.userfile import LoadedDensity, load_density
@@ -66,14 +64,15 @@ def main(energy: str, output: Path | None, check: bool, show: bool, values: dict
         raise CodegenError("nothing to do: give -o DIR to write the kernel, --check or --show")
     loaded = load_density(energy).with_values(values)
     traced = trace(loaded.function, loaded.name, tuple(loaded.parameters))
-    source = generate(traced, loaded.description, versions())
+    if output or show:
+        source = generate(traced, loaded.description, versions())
     if output:
         for path in _write(output, loaded.name, {".c": source.c_source, ".h": source.header}):
             click.echo(f"wrote {path}")
     if show:
         for line in derivation(derive(traced), source):
             click.echo(line)
-    if check and not _check(loaded, source.c_source):
+    if check and not _check(loaded):
         click.get_current_context().exit(1)
 
 
@@ -89,14 +88,11 @@ def _write(directory: Path, name: str, texts: Mapping[str, str]) -> list[Path]:
     return paths
 
 
-def _check(loaded: LoadedDensity, c_source: str) -> bool:
-    """Compile the generated text, print the verification table, and say whether everything passed."""
+def _check(loaded: LoadedDensity) -> bool:
+    """Compile the kernel, print the verification table, and say whether everything passed."""
     values = {name: UNSET if value is None else value for name, value in loaded.parameters.items()}
-    with tempfile.TemporaryDirectory() as scratch:
-        library = Path(scratch) / f"{loaded.name}.so"
-        compile_library(c_source, library)
-        kernel = Kernel(library, loaded.name, tuple(values))
-        findings = verify(kernel, loaded.function, values, loaded.declared)
+    kernel = compile_energy(loaded.function, loaded.name, tuple(values), loaded.description)
+    findings = verify(kernel, loaded.function, values, loaded.declared)
     _print_table(loaded, values, findings)
     return all(finding.passed for finding in findings)
 

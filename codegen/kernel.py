@@ -112,6 +112,7 @@ class Kernel:
         u_cai = np.ascontiguousarray(u_cai, dtype=np.float64)
         if u_cai.shape != (n_cells, n_basis, 2):
             raise ValueError(f"u_cai has shape {u_cai.shape}, expected {(n_cells, n_basis, 2)}")
+        self._check_parameters(parameters)
         energy_c, min_j_c = np.empty(n_cells), np.empty(n_cells)
         residual = np.empty((n_cells, n_basis, 2)) if level >= GRADIENT else None
         tangent = None
@@ -152,6 +153,7 @@ class Kernel:
             ``psi_n`` (n_states,), ``g_nx`` (n_states, 12) and ``h_nxy`` (n_states, 12, 12), None beyond the level.
         """
         x_nx = np.ascontiguousarray(x_nx, dtype=np.float64).reshape(-1, N_X)
+        self._check_parameters(parameters)
         n = len(x_nx)
         psi_n = np.empty(n)
         g_nx = np.empty((n, N_X)) if level >= GRADIENT else None
@@ -161,6 +163,11 @@ class Kernel:
             _address(h_nk),
         )  # fmt: skip
         return psi_n, g_nx, None if h_nk is None else _unpack(h_nk)
+
+    def _check_parameters(self, parameters: Array) -> None:
+        if parameters.shape != (len(self.parameters),) or parameters.dtype != np.float64:
+            names = ", ".join(self.parameters)
+            raise ValueError(f"{len(self.parameters)} parameters expected ({names}), got {parameters.size}")
 
 
 def _address(array: NDArray[Any] | None) -> int | None:

@@ -180,9 +180,7 @@ def test_a_missing_compiler_is_named(cache, monkeypatch):
 def test_a_compiler_that_fails_is_quoted_and_leaves_nothing(cache, monkeypatch):
     monkeypatch.setenv("LC_ALL", "C")  # for plain quotes
     cache.mkdir()
-    with pytest.raises(
-        CodegenError, match=r"mine with .*gcc failed: .*error: 'nothing' undeclared"
-    ) as caught:
+    with pytest.raises(CodegenError, match=r"mine with .*gcc failed: .*error: 'nothing' undeclared") as caught:
         build.compile_library("int broken(void) { return nothing; }\n", cache / "mine.so")
     assert "\n" not in str(caught.value)
     assert list(cache.iterdir()) == []
