@@ -68,10 +68,11 @@ def _decorate(command: Callable[..., Any], options: list[Callable[..., Any]]) ->
 @click.option(
     "--cells", type=int, nargs=2, default=(40, 10), show_default=True, help="Cells in x and y over the 2 x 0.5 box."
 )
+@click.option("--refine-medium", default=1, show_default=True, help="Divide edges of the medium; hanging nodes.")
 @click.option("--uy", type=float, default=-1.0, show_default=True, help="Displacement of the middle of the top.")
 @medium_options
 @method_options
-def box(cells: tuple[int, int], uy: float, **options: Any) -> None:
+def box(cells: tuple[int, int], refine_medium: int, uy: float, **options: Any) -> None:
     """Self-contact within a box (section 5.1 of Xu & Wriggers).
 
     The middle of the top is pushed down until the flanges touch; the gap between them and the reaction at the
@@ -84,7 +85,7 @@ def box(cells: tuple[int, int], uy: float, **options: Any) -> None:
     """
     from tmc_vem.problems import Box
 
-    solve(lambda medium: Box(cells=cells, uy=uy, medium=medium), options)
+    solve(lambda medium: Box(cells=cells, uy=uy, medium=medium, medium_refinement=refine_medium), options)
 
 
 def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:

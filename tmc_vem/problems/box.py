@@ -8,11 +8,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tmc_vem.constraints import Gap, Prescribed
 from tmc_vem.errors import InputError
+from tmc_vem.mesh.parts import submesh, with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
+from tmc_vem.mesh.weld import weld
 from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, require_positive, solid_region
 
 
@@ -25,6 +28,8 @@ class Box:
 
     Attributes:
         cells: equal squares or rectangles in x and y over the whole box; the wall must be a whole number of them.
+        medium_refinement: into how many parts the medium's cells divide each edge of the solid's cells; from 2 on, the
+            solid gets hanging nodes (the paper's meshes 1 to 3).
         medium: third medium.
         material: solid.
         uy: displacement of the middle of the top at full load (downwards is negative).
@@ -38,6 +43,7 @@ class Box:
     length: float = 2.0
     height: float = 0.5
     wall: float = 0.1
+    medium_refinement: int = 1
 
     def __post_init__(self) -> None:
         for name in ("length", "height", "wall"):
@@ -48,6 +54,8 @@ class Box:
             raise InputError(f"uy = {self.uy:g} must be a finite number")
         if len(self.cells) != 2 or min(self.cells) < 1:
             raise InputError(f"cells = {self.cells}: give the number of cells in x and in y, for example 40 10")
+        if not 1 <= self.medium_refinement <= 64:
+            raise InputError(f"medium_refinement = {self.medium_refinement}: use 1 (none) to 64")
         for axis, count, extent in zip("xy", self.cells, (self.length, self.height), strict=True):
             self._check_resolution(axis, count, extent)
 
@@ -76,16 +84,19 @@ class Box:
         return "box"
 
     def make_mesh(self) -> PolygonMesh:
-        """Equal quadrilaterals; named points: support_left, support_right, load, flange_top, flange_bottom."""
+        """Equal quadrilaterals in each region; named points: support_left, support_right, load, flange_top,
+        flange_bottom."""
         nx, ny = self.cells
         t, middle = self.wall, self.length / 2
-        return structured_quadrilaterals(
-            np.linspace(0.0, self.length, nx + 1),
-            np.linspace(0.0, self.height, ny + 1),
-            [
-                Rectangle("solid", 0.0, self.length, 0.0, self.height),
-                Rectangle("medium", t, self.length - t, t, self.height - t),
-            ],
+        x, y = np.linspace(0.0, self.length, nx + 1), np.linspace(0.0, self.height, ny + 1)
+        cavity = Rectangle("medium", t, self.length - t, t, self.height - t)
+        mesh = structured_quadrilaterals(x, y, [Rectangle("solid", 0.0, self.length, 0.0, self.height), cavity])
+        if self.medium_refinement > 1:
+            walls = submesh(mesh, mesh.region_c == mesh.region_names.index("solid"))
+            lines = (_divided(line, t, self.medium_refinement) for line in (x, y))
+            mesh = weld([walls, structured_quadrilaterals(*lines, [cavity])])
+        return with_names(
+            mesh,
             {
                 "support_left": (0.0, 0.0),
                 "support_right": (self.length, 0.0),
@@ -125,9 +136,18 @@ class Box:
             "length": self.length,
             "height": self.height,
             "wall": self.wall,
+            "medium_refinement": self.medium_refinement,
             "material": {"K": self.material.K, "mu": self.material.mu},
             "medium": self.medium.as_dict(),
         }
 
 
 _DEFAULTS = {"length": 2.0, "height": 0.5, "wall": 0.1}
+
+
+def _divided(lines: NDArray[np.float64], wall: float, parts: int) -> NDArray[np.float64]:
+    """The mesh lines within the walls, with every spacing divided into equal parts."""
+    inner = lines[(lines > wall * (1 - 1e-9)) & (lines < lines[-1] - wall * (1 - 1e-9))]
+    fine = np.interp(np.arange((len(inner) - 1) * parts + 1) / parts, np.arange(len(inner)), inner)
+    fine[-1] = inner[-1]
+    return fine
