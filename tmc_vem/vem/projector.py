@@ -129,6 +129,16 @@ def gradient_projector(geometry: PolygonGeometry, k: int, degree: int, elliptic_
     return solution[:, :, :n_dofs], solution[:, :, n_dofs:]
 
 
+def dofs_of_monomials(geometry: PolygonGeometry, k: int) -> Float:
+    """Degrees of freedom (n_cells, n_dofs, dim P_k) of the scaled monomials up to degree k."""
+    nodes = gauss_lobatto(k + 1)[0][1:-1]
+    start, end = geometry.xi_cvx[:, :, None], np.roll(geometry.xi_cvx, -1, axis=1)[:, :, None]
+    inside = np.subtract(1.0, nodes)[:, None] * start + nodes[:, None] * end
+    points = np.concatenate([geometry.xi_cvx, inside.reshape(len(start), -1, 2)], axis=1)
+    moments = geometry.mass(k)[:, : monomials.dimension(k - 2)] / geometry.scaled_area_c[:, None, None]
+    return np.concatenate([monomials.values(k, points), moments], axis=1)
+
+
 def solve_with_mass(mass_cab: Float, rhs_cad: Float) -> Float:
     """Solution with mass matrices of monomials, whose condition numbers a scaling to unit diagonal brings down."""
     scale = 1.0 / np.sqrt(np.einsum("caa->ca", mass_cab))
@@ -149,7 +159,9 @@ def boundary_products(geometry: PolygonGeometry, k: int, degree: int, p_xi: Floa
     n_sides, n_cells = geometry.n_sides, len(geometry.xi_cvx)
     points, weights = gauss((degree + k) // 2 + 1)
     following = np.roll(geometry.xi_cvx, -1, axis=1)
-    nodes_csqx = np.subtract(1.0, points)[:, None] * geometry.xi_cvx[:, :, None] + points[:, None] * following[:, :, None]
+    nodes_csqx = (
+        np.subtract(1.0, points)[:, None] * geometry.xi_cvx[:, :, None] + points[:, None] * following[:, :, None]
+    )
     tangent = following - geometry.xi_cvx
     normal_csx = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)  # outward normal times the side's length
     m = monomials.values(degree, nodes_csqx.reshape(n_cells, -1, 2)).reshape(n_cells, n_sides, len(points), -1)
