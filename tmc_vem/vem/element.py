@@ -25,6 +25,7 @@ from tmc_vem.vem.projector import (
     elliptic_projector,
     gradient_projector,
     n_scalar_dofs,
+    value_projector,
 )
 from tmc_vem.vem.quadrature import on_triangles, sub_triangles
 
@@ -91,7 +92,7 @@ class ElementGroup:
         w_sq: (n_shapes, n_points) weights.
         n_basis: scalar degrees of freedom of a cell; the last axis of B is padded with zeros beyond.
         n_sides, degree: vertices of each cell and the l in use.
-        values_sqa: (n_shapes, n_points, n_basis) values of Pi_nabla_k of the basis, for loads and errors.
+        values_sqa: (n_shapes, n_points, n_basis) values of Pi0_k of the basis, for loads and errors.
         points_sqx: (n_shapes, n_points, 2) quadrature points relative to the cell's first vertex.
     """
 
@@ -196,7 +197,7 @@ def tabulate(polygons_cvx: Float, triangles_ctpx: Float, k: int, degree: int, qu
     return Tables(
         B_sqra=B_sqra,
         w_sq=weights,
-        values_sqa=m[..., : monomials.dimension(k)] @ elliptic,
+        values_sqa=m[..., : monomials.dimension(k)] @ value_projector(geometry, k, elliptic),
         points_sqx=points - polygons_cvx[:, :1],
     )
 

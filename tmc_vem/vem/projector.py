@@ -129,6 +129,15 @@ def gradient_projector(geometry: PolygonGeometry, k: int, degree: int, elliptic_
     return solution[:, :, :n_dofs], solution[:, :, n_dofs:]
 
 
+def value_projector(geometry: PolygonGeometry, k: int, elliptic_cad: Float) -> Float:
+    """Pi0_k: coefficients (n_cells, dim P_k, n_dofs) of the L2 projection on P_k.
+
+    For k = 2 it is Pi_nabla_k. From k = 3 on it is not: Pi_nabla_k keeps the mean value but not the moments of degree
+    1 to k - 2, and a load that works on it would cost one order of convergence.
+    """
+    return solve_with_mass(geometry.mass(k), moments_of_basis(geometry, k, k, elliptic_cad))
+
+
 def dofs_of_monomials(geometry: PolygonGeometry, k: int) -> Float:
     """Degrees of freedom (n_cells, n_dofs, dim P_k) of the scaled monomials up to degree k."""
     nodes = gauss_lobatto(k + 1)[0][1:-1]

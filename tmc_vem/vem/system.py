@@ -208,7 +208,7 @@ class VemSystem:
     def set_body_force(self, force: Callable[[Float], Float]) -> None:
         """Dead load per reference area: ``force`` maps points (n, 2) to vectors (n, 2).
 
-        Its work is ``int f . Pi_nabla_k u``, which keeps the displacement's order k + 1.
+        Its work is ``int f . Pi0_k u``, which keeps the displacement's order k + 1.
         """
         load = np.zeros((self.dofmap.n_nodes, 2))
         mesh = self.distributed.mesh
