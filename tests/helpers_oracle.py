@@ -22,6 +22,11 @@ INSIDE = {
 }
 
 
+def product(f: Function, g: Function) -> Function:
+    """Their product."""
+    return lambda x, y: f(x, y) * g(x, y)
+
+
 def powers(degree: int) -> list[tuple[int, int]]:
     """Exponents of the monomials in the order 1, x, y, x^2, x y, y^2, ..."""
     return [(d - b, b) for d in range(degree + 1) for b in range(d + 1)]
@@ -134,10 +139,7 @@ class Oracle:
                 continue
             for j, q in enumerate(basis):
                 A[i, j] = sum(
-                    integrate_polygon(
-                        self.polygon, lambda x, y, f=self.dm(p, i), g=self.dm(q, i): f(x, y) * g(x, y), 2 * self.k
-                    )
-                    for i in (0, 1)
+                    integrate_polygon(self.polygon, product(self.dm(p, i), self.dm(q, i)), 2 * self.k) for i in (0, 1)
                 )
             rhs[i] = self.boundary(self.dm(p, 0), self.dm(p, 1), self.k)
             for factor, q in self.laplacian(p):
@@ -149,15 +151,7 @@ class Oracle:
         elliptic = self.elliptic()
         basis = powers(degree)
         mass = np.array(
-            [
-                [
-                    integrate_polygon(
-                        self.polygon, lambda x, y, f=self.m(p), g=self.m(q): f(x, y) * g(x, y), 2 * degree
-                    )
-                    for q in basis
-                ]
-                for p in basis
-            ]
+            [[integrate_polygon(self.polygon, product(self.m(p), self.m(q)), 2 * degree) for q in basis] for p in basis]
         )
         result = []
         for axis in (0, 1):
@@ -173,9 +167,7 @@ class Oracle:
                     rhs[i] -= factor * self.moment_row(lower)
                 else:  # enhanced space: higher moments are those of Pi_nabla
                     for j, q in enumerate(powers(self.k)):
-                        both = integrate_polygon(
-                            self.polygon, lambda x, y, f=self.m(lower), g=self.m(q): f(x, y) * g(x, y), degree + self.k
-                        )
+                        both = integrate_polygon(self.polygon, product(self.m(lower), self.m(q)), degree + self.k)
                         rhs[i] -= factor * both * elliptic[j]
             result.append(np.linalg.solve(mass, rhs))
         return result[0], result[1]

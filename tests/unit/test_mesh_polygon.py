@@ -184,6 +184,6 @@ def test_cells_by_size_covers_every_cell_once():
     assert sorted(seen) == list(range(mesh.n_cells))
 
 
-def test_thousand_vertices_far_from_the_origin_are_no_self_intersection():
-    ring = np.array([(np.cos(t), np.sin(t)) for t in np.linspace(0, 2 * np.pi, 200, endpoint=False)])
+def test_many_vertices_far_from_the_origin_are_no_self_intersection():
+    ring = np.array([(np.cos(t), np.sin(t)) for t in np.linspace(0, 2 * np.pi, 60, endpoint=False)])
     assert mesh_of(ring + 1e3).n_cells == 1

@@ -5,11 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers_mesh import SHAPES
-from helpers_oracle import Oracle, integrate_polygon, powers
+from helpers_oracle import Oracle, integrate_polygon, powers, product
 
 from tmc_vem.vem import monomials
 from tmc_vem.vem.projector import (
-    PolygonGeometry, edge_basis, elliptic_projector, gradient_projector, moments_of_basis, n_scalar_dofs,
+    PolygonGeometry,
+    dofs_of_monomials,
+    edge_basis,
+    elliptic_projector,
+    gradient_projector,
+    moments_of_basis,
+    n_scalar_dofs,
+    value_projector,
 )  # fmt: skip
 from tmc_vem.vem.quadrature import gauss_lobatto
 
@@ -94,12 +101,7 @@ def test_elliptic_projection_of_bubbles_is_orthogonal_with_equal_mean(name, k):
         for p in powers(k)[1:]:
             left = sum(
                 coefficients[i]
-                * sum(
-                    integrate_polygon(
-                        polygon, lambda x, y, f=oracle.dm(p, ax), g=oracle.dm(q, ax): f(x, y) * g(x, y), 2 * k
-                    )
-                    for ax in (0, 1)
-                )
+                * sum(integrate_polygon(polygon, product(oracle.dm(p, ax), oracle.dm(q, ax)), 2 * k) for ax in (0, 1))
                 for i, q in enumerate(powers(k))
             )
             # int grad v . grad p = -int v lap p, as v vanishes on the boundary
@@ -122,9 +124,7 @@ def test_moments_of_the_basis(name, k):
             expected = oracle.moment_row(p)
         else:
             for j, q in enumerate(powers(k)):
-                both = integrate_polygon(
-                    polygon, lambda x, y, f=oracle.m(p), g=oracle.m(q): f(x, y) * g(x, y), degree + k
-                )
+                both = integrate_polygon(polygon, product(oracle.m(p), oracle.m(q)), degree + k)
                 expected = expected + both * elliptic[j]
         assert moments[i] * oracle.h**2 == pytest.approx(expected, abs=1e-11)
 
@@ -182,3 +182,37 @@ def test_edge_basis_is_nodal_and_reproduces_polynomials(k):
 @pytest.mark.parametrize(("n", "k", "expected"), [(3, 2, 7), (4, 2, 9), (5, 2, 11), (4, 3, 15), (6, 4, 30)])
 def test_number_of_degrees_of_freedom(n, k, expected):
     assert n_scalar_dofs(n, k) == expected
+
+
+@pytest.mark.parametrize("k", ORDERS)
+@pytest.mark.parametrize("name", ["pentagon", "U"])
+def test_value_projector_reproduces_polynomials_and_keeps_moments(name, k):
+    polygon = SHAPES[name]
+    oracle = Oracle(polygon, k)
+    geometry = PolygonGeometry.of(polygon[None], k)
+    projector = value_projector(geometry, k, elliptic_projector(geometry, k))[0]
+    dofs = np.array([oracle.dofs_of(oracle.m(p), k) for p in powers(k)]).T
+    assert projector @ dofs == pytest.approx(np.eye(len(powers(k))), abs=1e-9)
+    for p in powers(k - 2):
+        moment = sum(
+            projector[j] * integrate_polygon(polygon, product(oracle.m(p), oracle.m(q)), 2 * k)
+            for j, q in enumerate(powers(k))
+        )
+        assert moment == pytest.approx(oracle.moment_row(p), abs=1e-10)
+
+
+def test_elliptic_projector_does_not_keep_higher_moments():
+    """So it must not stand in for the L2 projection in loads, except for k = 2 where the two are the same."""
+    for k, same in ((2, True), (3, False)):
+        geometry = PolygonGeometry.of(SHAPES["pentagon"][None], k)
+        elliptic = elliptic_projector(geometry, k)
+        difference = np.abs(value_projector(geometry, k, elliptic) - elliptic).max()
+        assert (difference < 1e-10) == same
+
+
+@pytest.mark.parametrize("k", ORDERS)
+def test_degrees_of_freedom_of_monomials(k):
+    oracle = Oracle(SHAPES["U"], k)
+    expected = np.array([oracle.dofs_of(oracle.m(p), k) for p in powers(k)]).T
+    found = dofs_of_monomials(PolygonGeometry.of(SHAPES["U"][None], k), k)[0]
+    assert found == pytest.approx(expected, abs=1e-12)

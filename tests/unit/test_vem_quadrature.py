@@ -13,7 +13,13 @@ from helpers_oracle import integrate_polygon, powers
 from tmc_vem.mesh.geometry import areas
 from tmc_vem.vem import monomials
 from tmc_vem.vem.quadrature import (
-    ear_clipping, fan, gauss, gauss_lobatto, on_triangles, sub_triangles, triangle,
+    ear_clipping,
+    fan,
+    gauss,
+    gauss_lobatto,
+    on_triangles,
+    sub_triangles,
+    triangle,
 )  # fmt: skip
 
 ALL_SHAPES = {**SHAPES, "square, sides in three": SQUARE_IN_THREE}
