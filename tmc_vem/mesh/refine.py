@@ -1,4 +1,4 @@
-"""Local refinement: marked cells are cut from their centroid to the middles of their sides, neighbours get hanging nodes.
+"""Local refinement: marked cells are cut from centroid to middles of sides, neighbours get hanging nodes.
 
 A side is the chain of edges between two corners, a corner is a vertex where the boundary turns. So a quadrilateral with
 hanging nodes is cut into four quadrilaterals (a quadtree), a hexagon into six; and where a side has a hanging node in
@@ -45,7 +45,7 @@ def refine(mesh: PolygonMesh, marked: Int | Sequence[int] | NDArray[np.bool_], *
         raise InputError(f"max_hanging = {max_hanging}: a refined cell leaves one hanging node, use 1 or more")
     mask = np.zeros(mesh.n_cells, dtype=bool)
     chosen = np.asarray(marked)
-    if chosen.dtype != np.bool_ and len(chosen) and not (0 <= chosen.min() and chosen.max() < mesh.n_cells):
+    if chosen.dtype != np.bool_ and len(chosen) and not (chosen.min() >= 0 and chosen.max() < mesh.n_cells):
         raise InputError(
             f"cells {chosen.min()} to {chosen.max()} are marked, but cells run from 0 to {mesh.n_cells - 1}"
         )

@@ -1,13 +1,14 @@
 """Weld meshes that were made independently into one conforming polygon mesh by inserting hanging nodes.
 
-Neither side's cells move: a vertex of one mesh that lies on a side of the other becomes a vertex of the cell there. This
-is how polygons in the solid meet quadrilaterals of any density in the medium (figures 3 and 7 of Xu & Wriggers,
+Neither side's cells move: a vertex of one mesh that lies on a side of the other becomes a vertex of the cell there.
+This is how polygons in the solid meet quadrilaterals of any density in the medium (figures 3 and 7 of Xu & Wriggers,
 CMAME 450 (2026) 118611). A polygon does not mind vertices in the middle of a straight side; only its projection may
 need a higher degree l, which the spectral test finds.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -133,5 +134,5 @@ def _split_edges(pairs: Int, start: Int, offsets: Int, insertions: dict[int, lis
     pieces = []
     for a, b in pairs.tolist():
         chain = chains.get((min(a, b), max(a, b)), [a, b])
-        pieces += list(zip(chain[:-1], chain[1:], strict=True))
+        pieces += list(itertools.pairwise(chain))
     return np.array(pieces, dtype=np.int64).reshape(-1, 2)

@@ -93,8 +93,8 @@ class Box:
         mesh = structured_quadrilaterals(x, y, [Rectangle("solid", 0.0, self.length, 0.0, self.height), cavity])
         if self.medium_refinement > 1:
             walls = submesh(mesh, mesh.region_c == mesh.region_names.index("solid"))
-            lines = (_divided(line, t, self.medium_refinement) for line in (x, y))
-            mesh = weld([walls, structured_quadrilaterals(*lines, [cavity])])
+            fine_x, fine_y = (_divided(line, t, self.medium_refinement) for line in (x, y))
+            mesh = weld([walls, structured_quadrilaterals(fine_x, fine_y, [cavity])])
         return with_names(
             mesh,
             {
