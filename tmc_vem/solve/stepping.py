@@ -144,7 +144,7 @@ class LoadStepper:
     def _target(self, load: float, size: float) -> float:
         if self.options.steps:  # the next equal load, unless the step was cut
             following = (int(load * self.options.steps + 1e-9) + 1) / self.options.steps
-            return min(load + size, following)
+            return following if load + size > following - DONE else load + size
         target = load + size
         if target > 1.0 - 0.3 * size:  # no sliver of a last step
             return 1.0
