@@ -73,7 +73,7 @@ def test_linear_displacement_under_finite_strain(name, k):
     mesh = MESHES[name]
     area = sum(areas(mesh.points_vx[loop][None])[0] for loop in mesh.cells())
     assert result.evaluation.energy == pytest.approx(psi * area, rel=1e-12)
-    assert result.evaluation.min_j == pytest.approx(np.linalg.det(np.eye(2) + H), rel=1e-12)
+    assert result.evaluation.min_j == pytest.approx(np.linalg.det(np.eye(2) + H), rel=1e-10)
     assert errors(system, u, linear, lambda x: np.tile(H, (len(x), 1, 1))) == pytest.approx((0, 0), abs=1e-10)
 
     # every single reaction: the constant traction P N on the boundary's sides
