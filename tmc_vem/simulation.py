@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tmc_vem.errors import InputError, TmcError
+from tmc_vem.fem.settings import FemSettings
 from tmc_vem.problems.base import Problem, RegionEnergy
 from tmc_vem.results import PICTURE, RunDirectory, RunResult, StepRecord
 from tmc_vem.timing import Timer
 from tmc_vem.vem.element import ElementSettings
 
-METHODS = ("vem",)
+METHODS = ("vem", "fem")
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,9 @@ class RunOptions:
     """How a problem is discretised and solved.
 
     Attributes:
-        method: 'vem'.
+        method: 'vem' for virtual elements, 'fem' for Lagrange elements in dolfinx.
         element: order, projection degree and quadrature of the virtual elements.
+        fem: order, quadrature and interior penalty of the Lagrange elements.
         steps: equal load steps, or None for automatic ones.
         largest_step: largest automatic step, as a fraction of the load.
         snapshots: load steps that are written as VTU files, evenly spread over the load.
@@ -33,6 +35,7 @@ class RunOptions:
 
     method: str = "vem"
     element: ElementSettings = field(default_factory=ElementSettings)
+    fem: FemSettings = field(default_factory=FemSettings)
     steps: int | None = None
     largest_step: float = 0.1
     snapshots: int = 10
@@ -188,12 +191,17 @@ def run(
 
 
 def discretise(problem: Problem, options: RunOptions, comm: Any) -> Any:
-    """The discretised system of a problem; kernels are compiled if they are not in the cache.
+    """The discretised system of a problem; kernels or forms are compiled if they are not in the cache.
 
     Raises:
-        InputError: mesh and problem do not fit.
+        InputError: mesh and problem do not fit, or the method is 'fem' and dolfinx is missing.
         CodegenError: an energy's kernel cannot be made.
     """
+    if options.method == "fem":
+        from tmc_vem.fem.system import FemSystem
+
+        return FemSystem(comm, problem.make_mesh, problem.regions(), problem.prescribed(), options.fem)
+
     from tmc_vem.mesh.distribute import distribute
     from tmc_vem.vem.system import RegionKernel, VemSystem
 
@@ -239,12 +247,18 @@ def _gap(problem: Problem, system: Any, reference: Any, u: Any) -> float | None:
 
 
 def _method_inputs(options: RunOptions) -> Mapping[str, Any]:
-    element = options.element
+    if options.method == "fem":
+        discretisation = asdict(options.fem)
+    else:
+        element = options.element
+        discretisation = {
+            "order": element.order,
+            "projection_degree": "spectral test" if element.degree is None else element.degree,
+            "quadrature": element.quadrature_degree,
+        }
     return {
         "method": options.method,
-        "order": element.order,
-        "projection_degree": "spectral test" if element.degree is None else element.degree,
-        "quadrature_degree": element.quadrature_degree,
+        **discretisation,
         "load_steps": "automatic" if options.steps is None else options.steps,
         "largest_step": options.largest_step,
     }

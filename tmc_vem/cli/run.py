@@ -42,12 +42,22 @@ def method_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options of discretisation, load stepping and output."""
     options = [
         click.option("--steps", type=int, help="Equal load steps (the paper's box: 100). Default: automatic steps."),
+        click.option(
+            "--method", type=click.Choice(["vem", "fem"]), default="vem", show_default=True,
+            help="Virtual elements, or Lagrange elements in dolfinx for comparison.",
+        ),
         click.option("--order", type=int, default=2, show_default=True, help="Order k of the elements: 2 or 3."),
         click.option(
             "--l", "degree", type=int,
             help="Degree l of the gradient's projection, for experts. Default: a spectral test of each cell shape.",
         ),
-        click.option("--quadrature", type=int, help="Quadrature degree on the sub-triangles. Default: 2 k."),
+        click.option("--quadrature", type=int, help="Quadrature degree. Default: 2 k (vem), 4 (fem)."),
+        click.option(
+            "--interior-penalty", type=click.Choice(["none", "penalty", "full"]), default="none", show_default=True,
+            help="fem: jumps of the gradient between elements of the medium.",
+        ),
+        click.option("--eta", type=float, default=10.0, show_default=True, help="fem: factor of the interior penalty."),
+        click.option("--triangles", is_flag=True, help="fem: cut the quadrilaterals in two."),
         click.option("--out", type=click.Path(path_type=Path), help="Run directory. Default: nothing is written."),
         click.option("--overwrite", is_flag=True, help="Replace an earlier run in the run directory."),
         click.option("--snapshots", type=int, default=10, show_default=True, help="Load steps written for ParaView."),
@@ -97,7 +107,6 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
     """
     from tmc_vem.problems import Medium
     from tmc_vem.simulation import Monitor, RunOptions, run
-    from tmc_vem.vem.element import ElementSettings
 
     medium = Medium(
         gamma=options["gamma"],
@@ -108,7 +117,8 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
     )
     problem = make_problem(medium)
     settings = RunOptions(
-        element=ElementSettings(options["order"], options["degree"], options["quadrature"]),
+        method=options["method"],
+        **method_settings(options),
         steps=options["steps"],
         snapshots=options["snapshots"],
         overwrite=options["overwrite"],
@@ -131,6 +141,33 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
     if not result.complete:
         kept = f"; steps up to there are in {result.directory}" if result.directory else ""
         raise ConvergenceError(f"stopped at {result.load:.4g} of the load: {result.reason}{kept}")
+
+
+def method_settings(options: dict[str, Any]) -> dict[str, Any]:
+    """Settings of the method in use, as arguments of :class:`tmc_vem.RunOptions`.
+
+    Raises:
+        InputError: a value is out of range, or an option belongs to the other method.
+    """
+    from tmc_vem.fem.settings import FemSettings
+    from tmc_vem.vem.element import ElementSettings
+
+    if options["method"] == "fem":
+        if options["degree"] is not None:
+            raise InputError("--l belongs to --method vem: finite elements project nothing")
+        quadrature = {} if options["quadrature"] is None else {"quadrature": options["quadrature"]}
+        return {
+            "fem": FemSettings(
+                order=options["order"],
+                interior_penalty=options["interior_penalty"],
+                eta=options["eta"],
+                triangles=options["triangles"],
+                **quadrature,
+            )
+        }
+    if options["interior_penalty"] != "none" or options["triangles"]:
+        raise InputError("--interior-penalty and --triangles belong to --method fem")
+    return {"element": ElementSettings(options["order"], options["degree"], options["quadrature"])}
 
 
 def parse_parameters(texts: tuple[str, ...]) -> dict[str, float]:
