@@ -86,7 +86,8 @@ def create_mesh(comm: Any, cell: str, cells: Int, points: Float) -> Any:
     else:
         from ufl import VectorElement
 
-        coordinates = VectorElement("Lagrange", cell, 1)
+        # compiling a form fills in the variant if it is missing, which would change the next form's place in the cache
+        coordinates = VectorElement("Lagrange", cell, 1, variant="equispaced")
     import ufl
 
     domain = ufl.Mesh(coordinates)
@@ -113,16 +114,18 @@ def vector_space(mesh: Any, order: int) -> Any:
     """Continuous Lagrange space of displacements."""
     from dolfinx import fem
 
-    if require() >= (0, 7):
-        return fem.functionspace(mesh, ("Lagrange", order, (2,)))
-    return fem.VectorFunctionSpace(mesh, ("Lagrange", order))
+    with _quiet():
+        if require() >= (0, 7):
+            return fem.functionspace(mesh, ("Lagrange", order, (2,)))
+        return fem.VectorFunctionSpace(mesh, ("Lagrange", order))
 
 
 def cell_function(mesh: Any, values: Float) -> Any:
     """Piecewise constant function with the values (n,) of the local cells, ghosts included."""
     from dolfinx import fem
 
-    space = fem.functionspace(mesh, ("DG", 0)) if require() >= (0, 7) else fem.FunctionSpace(mesh, ("DG", 0))
+    with _quiet():
+        space = fem.functionspace(mesh, ("DG", 0)) if require() >= (0, 7) else fem.FunctionSpace(mesh, ("DG", 0))
     function = fem.Function(space)
     function.x.array[rows(space.dofmap.list, len(values))[:, 0]] = values
     return function
@@ -248,10 +251,15 @@ def original_cells(mesh: Any) -> Int:
 
 
 def constants(mesh: Any, values: Sequence[float]) -> list[Any]:
-    """Numbers that can change without a form being compiled again."""
+    """Numbers that can change without a form being compiled again.
+
+    They are the components of one constant: UFL orders several by their running numbers as text ("10" before "9"), so
+    that the form, and with it its place in the cache, would depend on how many constants were made before.
+    """
     from dolfinx import fem
 
-    return [fem.Constant(mesh, float(value)) for value in values]
+    vector = fem.Constant(mesh, np.array([*values, 0.0, 0.0], dtype=float))  # never a scalar
+    return [vector[n] for n in range(len(values))]
 
 
 def function(space: Any) -> Any:

@@ -53,9 +53,7 @@ class Forms:
     tangent: Any
 
 
-def make_forms(
-    mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], settings: FemSettings, body_force: Any = None
-) -> Forms:
+def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], settings: FemSettings) -> Forms:
     """Forms of the potential at ``u``, a function in the displacement space.
 
     Raises:
@@ -68,7 +66,7 @@ def make_forms(
     metadata = {"quadrature_degree": settings.quadrature}
     cell_tags = compat.mesh_tags(domain, 2, np.arange(len(mesh.region_c)), mesh.region_c)
     dx = ufl.Measure("dx", domain=domain, subdomain_data=cell_tags, metadata=metadata)
-    parameters = {name: _parameters(domain, regions[name]) for name in names}
+    parameters, eta = _parameters(domain, {name: regions[name] for name in names}, settings.eta)
     G = ufl.variable(ufl.grad(ufl.grad(u)))
     densities = {name: _density(u, G, regions[name].energy, parameters[name]) for name in names}
     cells = sum(densities[name] * dx(number) for number, name in enumerate(names))
@@ -81,7 +79,11 @@ def make_forms(
         width = _width(mesh)
         for tag, name in enumerate(media, start=1):
             _require_medium_parameters(name, regions[name].energy)
-            facets[name] = _interior_penalty(u, G, densities[name], parameters[name], width, domain, settings) * dS(tag)
+            weight = eta * parameters[name].gamma * parameters[name].alpha_r / (2 * width)
+            full = settings.interior_penalty == "full"
+            facets[name] = _interior_penalty(u, G, weight, parameters[name], densities[name] if full else None) * dS(
+                tag
+            )
 
     potential = cells + sum(facets.values()) if facets else cells
     space = u.function_space
@@ -89,11 +91,16 @@ def make_forms(
     return Forms(cells, facets, residual, ufl.derivative(residual, u, ufl.TrialFunction(space)))
 
 
-def _parameters(domain: Any, region: RegionDensity) -> SimpleNamespace:
-    """Constants by name: their values can change without the form being compiled again."""
-    names = region.energy.parameters
-    values = compat.constants(domain, [region.values[name] for name in names])
-    return SimpleNamespace(**dict(zip(names, values, strict=True)))
+def _parameters(
+    domain: Any, regions: Mapping[str, RegionDensity], eta: float
+) -> tuple[dict[str, SimpleNamespace], Any]:
+    """Parameters of each region and the penalty factor as constants."""
+    keys = [(name, key) for name, region in regions.items() for key in region.energy.parameters]
+    *values, factor = compat.constants(domain, [*(regions[name].values[key] for name, key in keys), eta])
+    parameters = {name: SimpleNamespace() for name in regions}
+    for (name, key), value in zip(keys, values, strict=True):
+        setattr(parameters[name], key, value)
+    return parameters, factor
 
 
 def _density(u: Any, G: Any, energy: Energy, p: SimpleNamespace) -> Any:
@@ -110,30 +117,22 @@ def _deformation_gradient(u: Any) -> list[list[Any]]:
     return [[gradient[i, j] + (1 if i == j else 0) for j in _AXES] for i in _AXES]
 
 
-def _interior_penalty(
-    u: Any, G: Any, density: Any, p: SimpleNamespace, width: Any, domain: Any, settings: FemSettings
-) -> Any:
-    """Energy per length of facet: ``gamma alpha_r eta / (2 h) w |[[grad u]] n|^2``, and the consistency term."""
+def _interior_penalty(u: Any, G: Any, weight: Any, p: SimpleNamespace, density: Any | None) -> Any:
+    """Energy per length of facet: ``weight w |[[grad u]] n|^2``, and the consistency term if the density is given."""
     import ufl
 
-    n = ufl.FacetNormal(domain)
+    n = ufl.FacetNormal(u.function_space.mesh)
     jump = ufl.jump(ufl.grad(u), n)
-    weight = p.gamma * p.alpha_r * settings_constant(domain, settings.eta) / (2 * width)
     if hasattr(p, "beta"):
         F = _deformation_gradient(u)
         weight = weight * ufl.avg(ufl.exp(-p.beta * (F[0][0] * F[1][1] - F[0][1] * F[1][0])))
     energy = weight * ufl.inner(jump, jump)
-    if settings.interior_penalty == "full":
+    if density is not None:
         T = ufl.diff(density, G)
         i, j, k = ufl.indices(3)
         moment = ufl.as_vector(T[i, j, k] * n[j] * n[k], i)
         energy = energy - ufl.inner(ufl.avg(moment), jump)
     return energy
-
-
-def settings_constant(domain: Any, value: float) -> Any:
-    """A number that can change without recompilation."""
-    return compat.constants(domain, [value])[0]
 
 
 def _width(mesh: FemMesh) -> Any:

@@ -14,6 +14,7 @@ from tmc_vem.errors import InputError
 from tmc_vem.fem import compat
 from tmc_vem.fem.mesh import FemMesh
 from tmc_vem.fields import Polygons
+from tmc_vem.mesh.geometry import areas
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -122,12 +123,6 @@ class Nodes:
             distance = np.linalg.norm(self.points_nx[inner] - self.points_nx[nodes[:, start]][:, None], axis=2)
             columns += [nodes[:, [start]], np.take_along_axis(inner, np.argsort(distance, axis=1), axis=1)]
         sides: Int = np.concatenate(columns, axis=1)
-        clockwise = _signed_areas(self.points_nx[sides]) < 0.0
+        clockwise = areas(self.points_nx[sides]) < 0.0  # dolfinx may number a cell the other way round
         sides[clockwise] = sides[clockwise][:, ::-1]
         return sides
-
-
-def _signed_areas(polygons_cvx: Float) -> Float:
-    from tmc_vem.mesh.geometry import areas
-
-    return areas(polygons_cvx)

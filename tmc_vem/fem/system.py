@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
@@ -72,9 +73,6 @@ class FemSystem:
         self._cells_of = [np.flatnonzero(owned == number) for number in range(len(self.region_names))]
         self._state, self._gradient = self.nodes.function(), self.nodes.function()
         self.forms = make_forms(self.mesh, self._state, regions, self.settings)
-        self._residual_form = compat.form(self.forms.residual)
-        self._tangent_form = compat.form(self.forms.tangent)
-        self._facet_forms = {name: compat.form(form) for name, form in self.forms.facets.items()}
         self._tangent: Any = None
         self._load_nodes: Float | None = None
         self._owned, self._owned_values = self.nodes.locate(prescribed)
@@ -89,6 +87,7 @@ class FemSystem:
 
     def create_matrix(self) -> Any:
         """A new symmetric matrix with the pattern of the tangent."""
+        self.compile()
         matrix = compat.create_matrix(self._tangent_form)
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
@@ -172,6 +171,10 @@ class FemSystem:
         """Reference coordinates (n, 2) of named points."""
         return np.array([self.mesh.names.coordinates[name] for name in names]).reshape(-1, 2)
 
+    def compile(self) -> None:
+        """Compile the forms, or find them in dolfinx' cache; otherwise this happens when they are first needed."""
+        _ = self._residual_form, self._tangent_form, self._facet_forms
+
     def interpolate(self, displacement: Callable[[Float], Float]) -> Any:
         """Vector of the nodal values of a function that maps points (n, 2) to displacements (n, 2)."""
         vector = self.create_vector()
@@ -207,6 +210,18 @@ class FemSystem:
         return (w * J).sum(axis=1) / w.sum(axis=1), J.min(axis=1)
 
     # -- internals -----------------------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def _residual_form(self) -> Any:
+        return compat.form(self.forms.residual)
+
+    @functools.cached_property
+    def _tangent_form(self) -> Any:
+        return compat.form(self.forms.tangent)
+
+    @functools.cached_property
+    def _facet_forms(self) -> dict[str, Any]:
+        return {name: compat.form(form) for name, form in self.forms.facets.items()}
 
     def _local_values(self, u: Any) -> Float:
         """Write ``u`` into the forms' function; values (n_nodes, 2) of this rank's nodes, ghosts included."""

@@ -1,0 +1,80 @@
+"""Two ranks find what one finds."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("dolfinx", reason="dolfinx is not installed")
+
+# Open MPI refuses root and more ranks than cores unless told otherwise.
+ENVIRONMENT = {
+    **os.environ,
+    "OMP_NUM_THREADS": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+}
+PROGRAM = """
+import json, sys
+import numpy as np
+from mpi4py import MPI
+from helpers_fem import problem_system, wavy
+from tmc_vem.output import gather_fields
+from tmc_vem.problems import Box, Medium
+from tmc_vem.solve.newton import NewtonSolver
+
+comm = MPI.COMM_WORLD
+system = problem_system(Box(cells=(20, 5), medium=Medium(gamma=1e-3)), comm, interior_penalty=sys.argv[1],
+                        triangles=sys.argv[2] == "1")
+w = system.interpolate(lambda x: 0.2 * wavy(x))
+gradient = system.create_vector()
+evaluation = system.residual(w, gradient)
+solver = NewtonSolver(system)
+u, start = system.create_vector(), system.create_vector()
+assert solver.predict(start, 0.05, u)
+result = solver.solve(u)
+assert result.converged, result.reason
+fields = gather_fields(system, u)
+if comm.rank == 0:
+    print(json.dumps({
+        "ranks": comm.size, "dofs": system.n_dofs, "energy": evaluation.energy, "cells": fields.polygons.n_cells,
+        "regions": {name: [v.energy, v.min_j] for name, v in evaluation.regions.items()}, "worst": evaluation.worst,
+        "iterations": len(result.iterations), "stored": result.evaluation.energy,
+    }), flush=True)
+values = [gradient.norm(), system.reaction(solver.residual, "load", 1), system.max_step(w, w),
+          *system.point_displacements(u, ["flange_top", "support_right"]).ravel().tolist()]
+if comm.rank == 0:
+    print(json.dumps(values), flush=True)
+"""
+
+
+def solve(ranks: int, mode: str, triangles: bool) -> tuple[dict[str, Any], list[float]]:
+    """Output of the program above."""
+    command = ["mpirun", "-n", str(ranks), sys.executable, "-c", PROGRAM, mode, str(int(triangles))]
+    folder = str(Path(__file__).parent)
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=300, check=False, cwd=folder, env=ENVIRONMENT
+    )
+    assert done.returncode == 0, done.stderr
+    first, second = (json.loads(line) for line in done.stdout.splitlines() if line[:1] in "[{")
+    return first, second
+
+
+@pytest.mark.parametrize(("mode", "triangles"), [("none", True), ("penalty", False)])
+def test_one_rank_and_two(mode: str, triangles: bool) -> None:
+    (one, one_values), (two, two_values) = (solve(ranks, mode, triangles) for ranks in (1, 2))
+    assert (one["ranks"], two["ranks"]) == (1, 2)
+    for key in ("dofs", "iterations", "cells", "worst"):
+        assert two[key] == one[key]
+    for key in ("energy", "stored"):
+        assert two[key] == pytest.approx(one[key], rel=1e-10)
+    for region, values in one["regions"].items():
+        assert two["regions"][region] == pytest.approx(values, rel=1e-12)
+    assert two_values == pytest.approx(one_values, rel=1e-7)
