@@ -17,8 +17,8 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from tmc_vem.errors import TmcError
 from tmc_vem.mesh.polygon import Edges, PolygonMesh
+from tmc_vem.parallel import on_root
 
 Int = NDArray[np.int64]
 
@@ -58,9 +58,9 @@ def distribute(comm: MPI.Intracomm, make_mesh: Callable[[], PolygonMesh]) -> Dis
         make_mesh: called on rank 0 only.
 
     Raises:
-        TmcError: whatever ``make_mesh`` raises, on every rank.
+        Exception: whatever ``make_mesh`` raises, on every rank.
     """
-    mesh = _make_on_root(comm, make_mesh)
+    mesh = on_root(comm, make_mesh)
     plex, cell_field, vertex_field = _serial_plex(comm, mesh)
     migration = plex.distribute()
     cell_section, cell_data = _distribute_field(comm, plex, migration, 0, cell_field)
@@ -95,19 +95,6 @@ def distribute(comm: MPI.Intracomm, make_mesh: Callable[[], PolygonMesh]) -> Dis
         comm, local, Edges(edges_ev, cell_edges, forward, counts), plex, cell_points, vertex_points, edge_points,
         cells[:, 1].astype(np.int64), vertex_ids, n_cells_global, n_vertices_global,
     )  # fmt: skip
-
-
-def _make_on_root(comm: MPI.Intracomm, make_mesh: Callable[[], PolygonMesh]) -> PolygonMesh | None:
-    mesh, error = None, None
-    if comm.rank == 0:
-        try:
-            mesh = make_mesh()
-        except TmcError as raised:
-            error = raised
-    error = comm.bcast(error)
-    if error is not None:
-        raise error
-    return mesh
 
 
 def _serial_plex(comm: MPI.Intracomm, mesh: PolygonMesh | None) -> tuple[Any, NDArray[Any], NDArray[Any]]:

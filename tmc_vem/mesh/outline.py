@@ -233,7 +233,7 @@ def make_skeleton(regions: Sequence[Region], size: Size, points: Mapping[str, Po
     n_nodes = len(corners.points)
     for piece in pieces.values():
         a, b = corners.number(piece.start), corners.number(piece.end)
-        inner = _spaced(piece, size, at_least=3 if {a, b} & at_arc else 1)
+        inner = _spaced(piece, size, at_least=3 if {a, b} & at_arc else 2)
         chain = np.array([a, *range(n_nodes, n_nodes + len(inner)), b])
         nodes.append(inner)
         n_nodes += len(inner)

@@ -34,6 +34,10 @@ RADIUS = np.sqrt(0.5)
 JOINED, SHARPEST = np.radians(110.0), np.radians(50.0)
 # Sites inside a region keep this fraction of the local size away from those along interfaces.
 CLEARANCE = 0.75
+# Sites inside a region keep out of this multiple of the circles' radii.
+OUTSIDE = 1.05
+# Where no site is within this fraction of the local size, there is room for one more.
+SPARSE = 0.95
 # Sites and vertices closer than this fraction of the shortest segment are one.
 COINCIDE = 1e-6
 
@@ -171,9 +175,11 @@ def _fit_radii(radius_n: Float, skeleton: Skeleton, length_s: Float, sectors: li
         radius_n[node] = 0.5 * min(length_s[s] for s in delta) / np.cos(0.5 * sharp[0][3])
         for s, angle in delta.items():
             far = int(segments[s][segments[s] != node][0])
-            if far not in done and far not in at_node:
+            if far not in at_node:
                 d, r = length_s[s], radius_n[node]
-                radius_n[far] = np.sqrt(d**2 + r**2 - 2.0 * d * r * np.cos(angle))
+                fitting = np.sqrt(d**2 + r**2 - 2.0 * d * r * np.cos(angle))
+                # between two corners the smaller circle: the other corner then keeps two sites, in the right order
+                radius_n[far] = min(fitting, radius_n[far]) if far in done else fitting
                 done.add(far)
 
 
@@ -189,7 +195,6 @@ def _interior_sites(
     regions: Sequence[Region], size: Size, fixed: Float, skeleton: Skeleton, radius_n: Float, rng: np.random.Generator
 ) -> Float:
     """Sites of a hexagonal lattice, shaken, thinned by the size field, away from the interfaces' own sites."""
-    import shapely
     from scipy.spatial import cKDTree
 
     low, high = skeleton.nodes_nx.min(axis=0), skeleton.nodes_nx.max(axis=0)
@@ -209,16 +214,54 @@ def _interior_sites(
     h = evaluate_size(size, lattice)
     chosen = rng.random(len(lattice)) < (smallest / h) ** 2 * (1.0 + 1e-12)
     lattice, h = lattice[chosen], h[chosen]
-    inside = np.zeros(len(lattice), dtype=bool)
+    inside = _contained(regions, lattice)
+    lattice, h = lattice[inside], h[inside]
+    distance, _ = cKDTree(fixed).query(lattice)
+    near, node = cKDTree(skeleton.nodes_nx).query(lattice, k=min(4, len(skeleton.nodes_nx)))
+    sites: Float = lattice[(distance > CLEARANCE * h) & (near > OUTSIDE * radius_n[node]).all(axis=1)]
+    return _pushed_out(_filled(sites, regions, size, fixed), skeleton.nodes_nx, radius_n)
+
+
+def _filled(inside: Float, regions: Sequence[Region], size: Size, fixed: Float) -> Float:
+    """Sites with more where none is within about the local size: a lattice misses the middle of narrow places."""
+    from scipy.spatial import Delaunay, cKDTree
+
+    for _ in range(4):
+        sites = np.concatenate([fixed, inside])
+        triangles = sites[Delaunay(sites).simplices]
+        a, b = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+        twice_area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        ok = np.abs(twice_area) > 1e-9 * ((a**2).sum(axis=1) + (b**2).sum(axis=1))
+        a, b, twice_area = a[ok], b[ok], twice_area[ok]
+        aa, bb = (a**2).sum(axis=1), (b**2).sum(axis=1)
+        arm = np.column_stack([b[:, 1] * aa - a[:, 1] * bb, a[:, 0] * bb - b[:, 0] * aa]) / (2.0 * twice_area[:, None])
+        center, radius = triangles[ok, 0] + arm, np.hypot(*arm.T)
+        center, radius = center[_contained(regions, center)], radius[_contained(regions, center)]
+        if not len(center):
+            return inside
+        excess = radius / evaluate_size(size, center)
+        center, excess = center[excess > SPARSE], excess[excess > SPARSE]
+        if not len(center):
+            return inside
+        center = center[np.argsort(-excess)]
+        h = evaluate_size(size, center)
+        neighbours = cKDTree(center).query_ball_point(center, CLEARANCE * h)
+        taken = np.zeros(len(center), dtype=bool)
+        for n, near in enumerate(neighbours):
+            taken[n] = not taken[near].any()
+        inside = np.concatenate([inside, center[taken]])
+    return inside
+
+
+def _contained(regions: Sequence[Region], points: Float) -> NDArray[np.bool_]:
+    import shapely
+
+    inside = np.zeros(len(points), dtype=bool)
     for region in regions:
         polygon = region.polygon()
         shapely.prepare(polygon)
-        inside |= shapely.contains_xy(polygon, lattice)
-    lattice, h = lattice[inside], h[inside]
-    distance, _ = cKDTree(fixed).query(lattice)
-    near, node = cKDTree(skeleton.nodes_nx).query(lattice)
-    sites: Float = lattice[(distance > CLEARANCE * h) & (near > 1.05 * radius_n[node])]
-    return sites
+        inside |= shapely.contains_xy(polygon, points)
+    return inside
 
 
 def _relaxed(inside: Float, fixed: Float, size: Size) -> Float:
@@ -255,12 +298,17 @@ def _pushed_out(inside: Float, nodes: Float, radius_n: Float) -> Float:
 
     if not len(inside):
         return inside
-    distance, node = cKDTree(nodes).query(inside)
-    limit = 1.05 * radius_n[node]
-    caught = distance < limit
-    factor = limit[caught] / np.maximum(distance[caught], 1e-300)
     moved = inside.copy()
-    moved[caught] = nodes[node[caught]] + factor[:, None] * (inside[caught] - nodes[node[caught]])
+    for _ in range(3):  # out of one circle may be into the next
+        distance, node = cKDTree(nodes).query(moved, k=min(4, len(nodes)))
+        depth = OUTSIDE * radius_n[node] - distance
+        worst = depth.argmax(axis=1)
+        caught = np.flatnonzero(depth.max(axis=1) > 0.0)
+        if not len(caught):
+            break
+        center = nodes[node[caught, worst[caught]]]
+        factor = OUTSIDE * radius_n[node[caught, worst[caught]]] / np.maximum(distance[caught, worst[caught]], 1e-300)
+        moved[caught] = center + factor[:, None] * (moved[caught] - center)
     return moved
 
 

@@ -1,0 +1,139 @@
+"""Punch problem, section 5.3 of Xu & Wriggers, CMAME 450 (2026) 118611."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.constraints import Gap, Prescribed
+from tmc_vem.errors import InputError
+from tmc_vem.mesh.outline import Arc, Region
+from tmc_vem.mesh.parts import with_names
+from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, require_positive, solid_region
+from tmc_vem.problems.cbox import angle_medium
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Punch:
+    """A round punch is pressed into a block; the right half of a symmetric problem.
+
+    The block is [0, width] x [0, height], its bottom is fixed. The punch is a quarter of a disc whose lowest point is
+    at (0, height + gap0); its flat top is moved by uy and free in x. The line x = 0 is the axis of symmetry: u_x = 0.
+    Third medium fills the rest up to the height of the punch's top. All cells are relaxed Voronoi polygons.
+
+    Attributes:
+        size: of cells; smaller ones fill the gap below the punch.
+        stiffness: of the punch relative to the block: 1 or 100 in the paper.
+        gap0: initial gap below the punch. The paper gives it in a figure only; with 0.2, uy = -1.3 squeezes the medium
+            from end to end and drives the punch by more than its radius into the block.
+        medium: third medium.
+        material: of the block.
+        uy: displacement of the punch's top at full load (downwards is negative).
+        width, height, radius: of the block and the punch.
+    """
+
+    size: float = 0.1
+    stiffness: float = 1.0
+    gap0: float = 0.2
+    medium: Medium = field(default_factory=lambda: angle_medium(1e-4, 1.0))
+    material: Material = field(default_factory=lambda: Material(K=5.0 / 3.0, mu=5.0 / 14.0))
+    uy: float = -1.3
+    width: float = 2.0
+    height: float = 1.0
+    radius: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, hint in (
+            ("size", "the size of cells, try 0.1"),
+            ("stiffness", "of the punch relative to the block, 1 or 100 in the paper"),
+            ("gap0", "the medium needs room below the punch, try 0.2"),
+            ("width", "the paper's block has width 2"),
+            ("height", "the paper's block has height 1"),
+            ("radius", "the paper's punch has radius 1"),
+        ):
+            require_positive(name, getattr(self, name), hint)
+        if self.radius >= self.width:
+            raise InputError(f"radius = {self.radius:g} must be smaller than the width {self.width:g} of the block")
+        if self.size > 0.25 * min(self.radius, self.height, self.width - self.radius):
+            raise InputError(
+                f"size = {self.size:g} is too large for a punch of radius {self.radius:g}: use at most "
+                f"{0.25 * min(self.radius, self.height, self.width - self.radius):g}"
+            )
+        if not math.isfinite(self.uy):
+            raise InputError(f"uy = {self.uy:g} must be a finite number")
+
+    @property
+    def name(self) -> str:
+        """Short name, as on the command line."""
+        return "punch"
+
+    @property
+    def top(self) -> float:
+        """Height of the punch's flat top."""
+        return self.height + self.gap0 + self.radius
+
+    def make_mesh(self) -> PolygonMesh:
+        """Polygons; named points tip and surface; named edges top (of the punch), bottom and axis."""
+        from tmc_vem.mesh.voronoi import voronoi_mesh
+
+        w, h, r, top = self.width, self.height, self.radius, self.top
+        regions = [
+            Region("block", [(0.0, 0.0), (w, 0.0), (w, h), (0.0, h)]),
+            Region("punch", [Arc((0.0, top), r, -90.0, 0.0), (0.0, top)]),
+            Region("medium", [(0.0, h), (w, h), (w, top), (r, top), Arc((0.0, top), r, 0.0, -90.0)]),
+        ]
+        mesh = voronoi_mesh(regions, self._size)
+        return with_names(
+            mesh,
+            {"tip": (0.0, h + self.gap0), "surface": (0.0, h)},
+            {
+                "top": ((0.0, top), (r, top)),
+                "bottom": ((0.0, 0.0), (w, 0.0)),
+                "axis": ((0.0, 0.0), (0.0, top)),
+            },
+        )
+
+    def regions(self) -> Mapping[str, RegionEnergy]:
+        """Block, punch and the medium around them."""
+        punch = Material(self.stiffness * self.material.K, self.stiffness * self.material.mu)
+        return {
+            "block": solid_region(self.material),
+            "punch": solid_region(punch),
+            "medium": medium_region(self.medium, self.material.mu),
+        }
+
+    def prescribed(self) -> Sequence[Prescribed]:
+        """Fixed bottom, symmetry, and the load."""
+        return (Prescribed("bottom", 0), Prescribed("bottom", 1), Prescribed("axis", 0), self.load())
+
+    def gap(self) -> Gap:
+        """Distance of the punch's lowest point and the block's surface on the axis."""
+        return Gap("tip", "surface")
+
+    def load(self) -> Prescribed:
+        """u_y of the punch's flat top."""
+        return Prescribed("top", 1, self.uy)
+
+    def inputs(self) -> dict[str, Any]:
+        """All parameters as plain values."""
+        numbers = ("size", "stiffness", "gap0", "uy", "width", "height", "radius")
+        return {
+            "problem": self.name,
+            **{name: getattr(self, name) for name in numbers},
+            "material": {"K": self.material.K, "mu": self.material.mu},
+            "medium": self.medium.as_dict(),
+        }
+
+    def _size(self, points: Float) -> Float:
+        """Two cells or more across the gap, the full size away from it."""
+        distance = np.hypot(points[:, 0], points[:, 1] - (self.height + 0.5 * self.gap0))
+        size: Float = np.minimum(self.size, 0.45 * self.gap0 + 0.3 * distance)
+        return size
