@@ -18,6 +18,7 @@ from tmc_vem.errors import InputError
 from tmc_vem.fields import Polygons
 from tmc_vem.mesh.distribute import DistributedMesh
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.parallel import on_every_rank
 from tmc_vem.solve.protocol import Evaluation, RegionValues
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.element import ElementGroup, ElementSettings, build_elements
@@ -88,7 +89,7 @@ class VemSystem:
         self._work = self.dofmap.dm.createLocalVec()
         self._named_nodes = functools.cache(self._nodes_of)
         self._constrained_local, self._constraint_values = self._locate(prescribed)
-        groups = self._collective(lambda: build_elements(distributed.mesh, self.settings, distributed.cell_ids))
+        groups = on_every_rank(self.comm, lambda: build_elements(distributed.mesh, self.settings, distributed.cell_ids))
         self.blocks = self._make_blocks(groups, kernels)
         self.size = self._extent()
         self._load_nodes: Float | None = None
@@ -298,18 +299,6 @@ class VemSystem:
         return dict(sorted(counts.items()))
 
     # -- internals -----------------------------------------------------------------------------------------------
-
-    def _collective(self, build: Any) -> Any:
-        """Run a local computation that may fail on some ranks; raise its first error on all of them."""
-        result, error = None, None
-        try:
-            result = build()
-        except InputError as raised:
-            error = raised
-        errors = [e for e in self.comm.allgather(error) if e is not None]
-        if errors:
-            raise errors[0]
-        return result
 
     def _make_blocks(self, groups: Sequence[ElementGroup], kernels: Mapping[str, RegionKernel]) -> list[Block]:
         blocks = []

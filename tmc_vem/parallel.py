@@ -1,0 +1,46 @@
+"""Errors on one rank that must end the work of all: a rank that fails alone leaves the others waiting for ever."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+
+def on_root(comm: Any, make: Callable[[], T]) -> T | None:
+    """Result of ``make`` on rank 0, None elsewhere; what it raises there is raised on every rank."""
+    result, error = _attempt(make) if comm.rank == 0 else (None, None)
+    error = comm.bcast(error)
+    if error is not None:
+        raise error
+    return result
+
+
+def on_every_rank(comm: Any, make: Callable[[], T]) -> T:
+    """Result of ``make``, called on every rank; the error of the first rank that fails is raised on all.
+
+    ``make`` must not communicate.
+    """
+    result, error = _attempt(make)
+    for raised in comm.allgather(error):
+        if raised is not None:
+            raise raised
+    return result  # type: ignore[return-value]
+
+
+def _attempt(make: Callable[[], T]) -> tuple[T | None, Exception | None]:
+    try:
+        return make(), None
+    except Exception as error:
+        return None, _portable(error)
+
+
+def _portable(error: Exception) -> Exception:
+    """The error, or what it says, if it cannot travel to other ranks."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error
