@@ -37,6 +37,7 @@ class StepRecord:
         iterations: Newton iterations; ``cut_backs`` failed attempts before it, with ``wasted_iterations``.
         min_j, energy: smallest J and energy by region.
         negative_pivots: negative eigenvalues of the tangent (unstable if above 0), or None if unknown.
+        jumped: the equilibrium branch ended before this step, and this state lies on another one.
         seconds: wall time since the start of the run.
     """
 
@@ -51,6 +52,7 @@ class StepRecord:
     min_j: Mapping[str, float]
     energy: Mapping[str, float]
     negative_pivots: int | None
+    jumped: bool
     seconds: float
 
     def as_row(self) -> dict[str, Any]:
@@ -80,6 +82,7 @@ class StepRecord:
             min_j=regions("min_j_"),
             energy=regions("energy_"),
             negative_pivots=int(row["negative_pivots"]) if row["negative_pivots"] else None,
+            jumped=row["jumped"] == "True",
             seconds=float(row["seconds"]),
         )
 

@@ -149,6 +149,7 @@ def run(
                 min_j={name: values.min_j for name, values in evaluation.regions.items()},
                 energy={name: values.energy for name, values in evaluation.regions.items()},
                 negative_pivots=step.newton.negative_pivots,
+                jumped=step.jumped,
                 seconds=timer.report()["total"],
             )
             history.append(record)

@@ -20,6 +20,9 @@ TO_THE_BOUNDARY = 0.9
 # Sufficient decrease of the potential, as a fraction of what the slope promises (Armijo).
 ARMIJO = 1e-4
 SHORTEST_STEP = 1e-4
+# Multiples of the tangent's diagonal that are added where the tangent is indefinite.
+NEAR_EQUILIBRIUM = 1e-4
+SMALLEST_SHIFT, LARGEST_SHIFT = 1e-9, 10.0
 # Changes of the energy below this fraction of it are rounding, not information.
 ENERGY_ROUNDING = 1e-12
 
@@ -92,6 +95,9 @@ class NewtonSolver:
         self._trial = self.system.create_vector()
         self._rhs = self.system.create_vector()
         self._constrained = self.system.constrained()
+        self._diagonal: Any = None
+        self._shifted = False
+        self._last_shift = 0.0
 
     def set_prescribed(self, u: Any, load: float) -> None:
         """Write the prescribed displacements of a load factor into ``u``."""
@@ -129,8 +135,16 @@ class NewtonSolver:
         with self.timer("assembly"):
             return self.system.max_step(u, du) * TO_THE_BOUNDARY >= 1.0
 
-    def solve(self, u: Any) -> NewtonResult:
-        """Find equilibrium from ``u``, whose prescribed entries stay as they are; ``u`` is changed in place."""
+    def solve(self, u: Any, *, minimise: bool = False) -> NewtonResult:
+        """Find equilibrium from ``u``, whose prescribed entries stay as they are; ``u`` is changed in place.
+
+        Args:
+            u: start, and the equilibrium afterwards.
+            minimise: descend to a stable equilibrium, a minimum of the potential, wherever it is: past a limit point or
+                a bifurcation the branch that was followed has ended or is unstable. Else the equilibrium nearest to
+                the start is looked for, stable or not.
+        """
+        limit = self.options.max_iterations * (10 if minimise else 1)
         iterations: list[Iteration] = []
         evaluation = self._evaluate(u)
         correction, step, pivots = math.inf, 0.0, None
@@ -139,33 +153,71 @@ class NewtonSolver:
                 return NewtonResult(False, f"inadmissible state ({evaluation.worst})", evaluation, tuple(iterations))
             residual, reference = self._norms()
             small = residual <= self.options.residual * reference
-            if small and step == 1.0 and correction <= self.options.correction:
+            if small and step == 1.0 and correction <= self.options.correction and not (minimise and pivots):
                 return NewtonResult(True, "converged", evaluation, tuple(iterations), pivots)
-            if len(iterations) >= self.options.max_iterations:
-                reason = (
-                    f"no convergence in {self.options.max_iterations} iterations (residual {residual / reference:.1e})"
-                )
+            if len(iterations) >= limit:
+                reason = f"no convergence in {limit} iterations (residual {residual / reference:.1e})"
                 return NewtonResult(False, reason, evaluation, tuple(iterations), pivots)
 
             with self.timer("assembly"):
                 self.system.jacobian(u, self._matrix)
+            self._shifted = False
             self.residual.copy(self._rhs)
             self._rhs.scale(-1.0)
             self._clear_constrained(self._rhs)
-            with self.timer("linear solve"):
-                solved = self._linear.solve(self._rhs, self._direction)
-                pivots = self._linear.negative_pivots()
+            solved, pivots = self._descent_direction(minimise)
             if not solved:
-                return NewtonResult(False, "the linear solve failed", evaluation, tuple(iterations), pivots)
+                return NewtonResult(False, "no direction of descent was found", evaluation, tuple(iterations), pivots)
             correction = self._direction.norm(3) / self.system.size  # 3 is PETSc's infinity norm
-            step, evaluation = self._line_search(u, evaluation)
+            step, evaluation = self._line_search(u, evaluation, expand=minimise and bool(pivots))
             iterations.append(Iteration(residual / reference if reference else 0.0, correction, step))
             if self.on_iteration:
                 self.on_iteration(iterations[-1])
             if step == 0.0:
                 return NewtonResult(False, "the line search found no decrease", evaluation, tuple(iterations), pivots)
 
-    def _line_search(self, u: Any, before: Evaluation) -> tuple[float, Evaluation]:
+    def _descent_direction(self, stable: bool) -> tuple[bool, int | None]:
+        """Solve for the direction; where the tangent is indefinite, shift it until the direction descends.
+
+        The shift adds a multiple of the absolute diagonal, which respects the contrast between solid and medium. It
+        starts from a third of the last one that was needed and grows by powers of 8.
+
+        Returns:
+            Whether it worked, and the negative pivots of the tangent without shift.
+        """
+        pivots: int | None = None
+        shift = 0.0
+        while shift <= LARGEST_SHIFT:
+            if shift > 0.0:
+                self._shift_diagonal(shift)
+            with self.timer("linear solve"):
+                solved = self._linear.solve(self._rhs, self._direction)
+                negative = self._linear.negative_pivots()
+            if shift == 0.0:
+                pivots = negative
+            descends = self._rhs.dot(self._direction) > 0.0
+            near = shift == 0.0 and self._direction.norm(3) <= NEAR_EQUILIBRIUM * self.system.size
+            if solved and (descends and not negative if stable else descends or near):
+                self._last_shift = shift if shift > 0.0 else self._last_shift
+                return True, pivots
+            shift = max(SMALLEST_SHIFT, self._last_shift / 3.0) if shift == 0.0 else 8.0 * shift
+        return False, pivots
+
+    def _shift_diagonal(self, shift: float) -> None:
+        if self._diagonal is None:
+            self._diagonal = self._matrix.createVecLeft()
+        if not self._shifted:
+            self._matrix.getDiagonal(self._diagonal)
+        diagonal = self._diagonal.duplicate()
+        self._diagonal.copy(diagonal)
+        diagonal.abs()
+        diagonal.scale(shift)
+        diagonal.axpy(1.0, self._diagonal)
+        self._matrix.setDiagonal(diagonal)
+        self._shifted = True
+        diagonal.destroy()
+
+    def _line_search(self, u: Any, before: Evaluation, expand: bool) -> tuple[float, Evaluation]:
         """Move ``u`` along the direction; the fraction taken and the evaluation there, with the residual updated.
 
         The potential must decrease as Armijo's rule asks. Where the direction does not descend (the tangent is
@@ -182,10 +234,24 @@ class NewtonSolver:
             evaluation = self._evaluate(u)
             allowed = before.energy + ARMIJO * step * slope + rounding
             if evaluation.admissible and (slope >= 0.0 or evaluation.energy <= allowed):
+                if expand and slope < 0.0:
+                    return self._expand(u, step, evaluation, TO_THE_BOUNDARY * largest)
                 return step, evaluation
             step *= 0.5
         self._trial.copy(u)
         return 0.0, self._evaluate(u)
+
+    def _expand(self, u: Any, step: float, best: Evaluation, largest: float) -> tuple[float, Evaluation]:
+        """Double a step along a direction of descent for as long as the potential falls: the way off a saddle."""
+        while 2.0 * step <= largest:
+            u.waxpy(2.0 * step, self._direction, self._trial)
+            with self.timer("assembly"):
+                evaluation = self.system.energy(u)
+            if not evaluation.admissible or evaluation.energy >= best.energy:
+                break
+            step, best = 2.0 * step, evaluation
+        u.waxpy(step, self._direction, self._trial)
+        return step, self._evaluate(u)
 
     def _evaluate(self, u: Any) -> Evaluation:
         with self.timer("assembly"):

@@ -10,6 +10,7 @@ from tmc_vem.errors import InputError
 from tmc_vem.solve.newton import NewtonResult, NewtonSolver
 
 DONE = 1e-12
+JUMP = 100.0  # load over which a new branch is looked for where the old one ends, in units of the smallest step
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class Step:
         newton: how it converged.
         cut_backs: failed attempts since the step before.
         wasted_iterations: Newton iterations of those attempts.
+        jumped: the branch that was followed ended or bifurcated; this state is a minimum of the potential beyond it.
     """
 
     number: int
@@ -58,6 +60,7 @@ class Step:
     newton: NewtonResult
     cut_backs: int
     wasted_iterations: int
+    jumped: bool = False
 
 
 @dataclass(frozen=True)
@@ -94,20 +97,28 @@ class LoadStepper:
         while load < 1.0 - DONE:
             target = self._target(load, size)
             result = self._attempt(u, previous, trial, load, last_size, target)
+            jumped = False
             if not result.converged:
                 cut_backs += 1
                 wasted += len(result.iterations)
                 size = 0.5 * (target - load)
-                if size < self.options.smallest:
-                    reason = f"steps below {self.options.smallest:g} of the load fail: {result.reason}"
-                    return SteppingResult(load, False, reason, wasted, cut_backs)
-                continue
+                if size >= self.options.smallest:
+                    continue
+                reason = f"steps below {self.options.smallest:g} of the load fail: {result.reason}"
+                # the branch that was followed may have ended, at a limit point or a bifurcation
+                target = self._target(load, JUMP * self.options.smallest)
+                result = self._descend(u, trial, target)
+                if not result.converged:
+                    return SteppingResult(load, False, reason, wasted + len(result.iterations), cut_backs)
+                jumped = True
             u.copy(previous)
             trial.copy(u)
-            last_size, load, number = target - load, target, number + 1
+            # there is nothing to extrapolate across a jump to another branch
+            taken = target - load
+            last_size, load, number = 0.0 if jumped else taken, target, number + 1
             if self.on_step:
-                self.on_step(Step(number, load, result, cut_backs, wasted), u)
-            size = self._next_size(size, last_size, len(result.iterations), cut_backs > 0)
+                self.on_step(Step(number, load, result, cut_backs, wasted, jumped), u)
+            size = self._next_size(size, taken, len(result.iterations), cut_backs > 0 and not jumped)
             cut_backs, wasted = 0, 0
         return SteppingResult(1.0, True, "full load")
 
@@ -137,6 +148,12 @@ class LoadStepper:
         return NewtonResult(
             result.converged, result.reason, result.evaluation, (*spent, *result.iterations), result.negative_pivots
         )
+
+    def _descend(self, u: Any, trial: Any, target: float) -> NewtonResult:
+        """Look for a stable equilibrium at ``target`` downhill from the last one, with the load moved on."""
+        u.copy(trial)
+        self.solver.set_prescribed(trial, target)
+        return self.solver.solve(trial, minimise=True)
 
     def _first_size(self) -> float:
         return 1.0 / self.options.steps if self.options.steps else self.options.first
