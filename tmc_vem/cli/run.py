@@ -21,21 +21,32 @@ def run_group() -> None:
     """
 
 
-def medium_options(command: Callable[..., Any]) -> Callable[..., Any]:
+def medium_options(
+    command: Callable[..., Any],
+    gamma: float = 1e-5,
+    alpha_r: float = 1.0,
+    regulariser: str = "huhu_lulu",
+    beta: float = 5.0,
+) -> Callable[..., Any]:
     """Options of the third medium."""
     options = [
-        click.option("--gamma", type=float, default=1e-5, show_default=True, help="Stiffness relative to the solid."),
-        click.option("--alpha-r", type=float, default=1.0, show_default=True, help="Weight of the regulariser."),
+        click.option("--gamma", type=float, default=gamma, show_default=True, help="Stiffness relative to the solid."),
+        click.option("--alpha-r", type=float, default=alpha_r, show_default=True, help="Weight of the regulariser."),
         click.option(
-            "--regulariser", default="huhu_lulu", show_default=True, metavar="NAME",
+            "--regulariser", default=regulariser, show_default=True, metavar="NAME",
             help="huhu (6), huhu_lulu (9), angle (15), tangent (16), or your own: FILE.py:FUNCTION.",
         ),
         click.option("--param", "parameters", multiple=True, metavar="NAME=VALUE", help="Parameter of your own one."),
         click.option(
-            "--beta", type=float, default=5.0, show_default=True, help="Damping exp(-beta J); 0 for none."
+            "--beta", type=float, default=beta, show_default=True, help="Damping exp(-beta J); 0 for none."
         ),
     ]  # fmt: skip
     return _decorate(command, options)
+
+
+def angle_medium_options(gamma: float, alpha_r: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Options of the third medium with the defaults of sections 5.2 to 5.4: regulariser (15), not damped."""
+    return lambda command: medium_options(command, gamma, alpha_r, "angle", 0.0)
 
 
 def method_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -96,6 +107,73 @@ def box(cells: tuple[int, int], refine_medium: int, uy: float, **options: Any) -
     from tmc_vem.problems import Box
 
     solve(lambda medium: Box(cells=cells, uy=uy, medium=medium, medium_refinement=refine_medium), options)
+
+
+@run_group.command("cbox")
+@click.option("--cells", type=int, nargs=2, default=(20, 10), show_default=True, help="Cells in x and y over 1 x 0.5.")
+@click.option(
+    "--mesh",
+    "solid_cells",
+    type=click.Choice(["polygons", "quadrilaterals"]),
+    default="polygons",
+    show_default=True,
+    help="Cells of the solid; the medium has quadrilaterals.",
+)
+@click.option("--refine-medium", default=1, show_default=True, help="Divide edges of the medium; the paper: 1 and 2.")
+@click.option("--uy", type=float, default=-0.5, show_default=True, help="Displacement of the upper right corner.")
+@angle_medium_options(gamma=1e-5, alpha_r=1.0)
+@method_options
+def cbox(cells: tuple[int, int], solid_cells: str, refine_medium: int, uy: float, **options: Any) -> None:
+    """Self-contact of the C-box (section 5.2 of Xu & Wriggers).
+
+    The tip of the upper arm is pushed down onto the lower arm. Examples:
+
+    \b
+      tmc-vem run cbox --uy -0.5 --gamma 1e-5 --alpha-r 1 --refine-medium 2 --out runs/cbox
+      tmc-vem run cbox --uy -1 --alpha-r 20 --out runs/cbox-20
+    """
+    from tmc_vem.problems import CBox
+
+    solve(lambda medium: CBox(cells, refine_medium, solid_cells, medium, uy=uy), options)
+
+
+@run_group.command("punch")
+@click.option("--size", type=float, default=0.1, show_default=True, help="Size of cells.")
+@click.option("--stiffness", type=float, default=1.0, show_default=True, help="Of the punch; the paper: 1 and 100.")
+@click.option("--gap0", type=float, default=0.2, show_default=True, help="Initial gap below the punch.")
+@click.option("--uy", type=float, default=-1.3, show_default=True, help="Displacement of the punch's top.")
+@angle_medium_options(gamma=1e-4, alpha_r=1.0)
+@method_options
+def punch(size: float, stiffness: float, gap0: float, uy: float, **options: Any) -> None:
+    """Round punch pressed into a block (section 5.3 of Xu & Wriggers). Examples:
+
+    \b
+      tmc-vem run punch --uy -1.3 --out runs/punch
+      tmc-vem run punch --uy -1.3 --stiffness 100 --out runs/punch-stiff
+    """
+    from tmc_vem.problems import Punch
+
+    solve(lambda medium: Punch(size, stiffness, gap0, medium, uy=uy), options)
+
+
+@run_group.command("bodies")
+@click.option("--case", type=int, default=1, show_default=True, help="1: half discs guided; 2: free in x.")
+@click.option("--size", type=float, default=0.1, show_default=True, help="Size of cells.")
+@click.option("--discs", type=int, default=7, show_default=True, help="Number of half discs.")
+@click.option("--gap0", type=float, default=0.1, show_default=True, help="Initial gap between beam and half discs.")
+@click.option("--uy", type=float, default=0.25, show_default=True, help="How far the half discs move to the beam.")
+@angle_medium_options(gamma=1e-4, alpha_r=10.0)
+@method_options
+def bodies(case: int, size: float, discs: int, gap0: float, uy: float, **options: Any) -> None:
+    """A beam between seven half discs (section 5.4 of Xu & Wriggers). Examples:
+
+    \b
+      tmc-vem run bodies --case 1 --out runs/bodies-1
+      tmc-vem run bodies --case 2 --out runs/bodies-2
+    """
+    from tmc_vem.problems import Bodies
+
+    solve(lambda medium: Bodies(case, size, discs, gap0, medium, uy=uy), options)
 
 
 def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
