@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import platform
+import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 
@@ -17,6 +19,7 @@ def versions(n_ranks: int = 1) -> dict[str, Any]:
 
     return {
         "tmc-vem": tmc_vem.__version__,
+        "revision": revision(),
         "python": platform.python_version(),
         "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
         **{name: _version(name) for name in ("numpy", "sympy", "fenics-dolfinx")},
@@ -41,3 +44,16 @@ def _processor() -> str:
             return next(line.split(":", 1)[1].strip() for line in file if line.startswith("model name"))
     except (OSError, StopIteration):
         return platform.processor()
+
+
+def revision() -> str | None:
+    """Git revision of the program's sources, with ``-dirty`` if files differ from it; None outside of a clone."""
+    root = Path(__file__).parents[1]
+    if not (root / ".git").exists():
+        return None
+    command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip() or None

@@ -171,7 +171,7 @@ def run(
 
                 draw_deformed(fields, directory.path / PICTURE, title=_title(problem, history))
     result = RunResult(
-        inputs={**problem.inputs(), **_method_inputs(options)},
+        inputs=run_inputs(problem, options),
         versions=versions(comm.size),
         complete=outcome.complete,
         reason=outcome.reason,
@@ -245,6 +245,11 @@ def _gap(problem: Problem, system: Any, reference: Any, u: Any) -> float | None:
         return None
     first, second = reference + system.point_displacements(u, (gap.first, gap.second))
     return float(np.hypot(*(first - second)))
+
+
+def run_inputs(problem: Problem, options: RunOptions) -> dict[str, Any]:
+    """The inputs as a run directory records them; two runs with equal ones give equal results."""
+    return {**problem.inputs(), **_method_inputs(options)}
 
 
 def _method_inputs(options: RunOptions) -> Mapping[str, Any]:
