@@ -1,6 +1,6 @@
 """Studies of the finite element path on the box; prints the tables of docs/fem.md.
 
-usage: python benchmarks/fem_studies.py STUDY...     with STUDY in eta, regulariser, quadrature, table2, convergence
+usage: python benchmarks/fem_studies.py STUDY...     with STUDY in linear, eta, regulariser, quadrature, table2, convergence
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -180,7 +181,24 @@ def convergence() -> None:
     table(head, (row(pair, method) for pair in pairs for method in ("FEM", "VEM")))
 
 
-STUDIES = {study.__name__: study for study in (eta, regulariser, quadrature, table2, convergence)}
+def linear() -> None:
+    """Errors on the manufactured linear problem of the tests: natural norm and first gradient, with rates."""
+    sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "fem"))
+    from test_fem_penalty import solve_linear
+
+    meshes = (4, 8, 16, 32)
+
+    def row(mode: str, triangles: bool) -> list[str]:
+        errors = np.array([solve_linear(n, mode, triangles) for n in meshes])
+        rates = np.log2(errors[:-1] / errors[1:])[-1]
+        shown = [f"{natural:.3g} / {gradient:.3g}" for natural, gradient in errors]
+        return [mode, "P2" if triangles else "Q2", *shown, f"{rates[0]:.2f} / {rates[1]:.2f}"]
+
+    head = ["second gradient", "element", *(f"{n} x {n}" for n in meshes), "last rate"]
+    table(head, (row(mode, triangles) for mode in ("none", "penalty", "full") for triangles in (False, True)))
+
+
+STUDIES = {study.__name__: study for study in (linear, eta, regulariser, quadrature, table2, convergence)}
 
 if __name__ == "__main__":
     unknown = [name for name in sys.argv[1:] if name not in STUDIES]

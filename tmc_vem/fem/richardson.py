@@ -37,8 +37,8 @@ def extrapolate(sizes: Sequence[float], values: Sequence[float], highest_order: 
 
     With ``f(h) = f0 + C h^p`` on three meshes, p solves ``(f1 - f2) / (f2 - f3) = (h1^p - h2^p) / (h2^p - h3^p)``, and
     f0 follows. The uncertainty is Roache's grid convergence index: 1.25 times the distance of the finest value from f0.
-    Where the values oscillate or converge slower than with order 1/2, no model fits: the finest value is returned with
-    three times the largest of the last two changes as its uncertainty.
+    Where no model fits, the finest value is returned. If the values oscillate with shrinking changes, the limit is
+    expected within the larger change; if they diverge or converge slower than with order 1/2, within three times that.
 
     Args:
         sizes: decreasing mesh sizes.
@@ -60,7 +60,8 @@ def extrapolate(sizes: Sequence[float], values: Sequence[float], highest_order: 
     ratio = (f1 - f2) / (f2 - f3)
     order = _order(h1, h2, h3, ratio)
     if order is None:
-        return Extrapolation(f3, None, CAUTION * max(abs(f1 - f2), abs(f2 - f3)))
+        factor = 1.0 if ratio < -1.0 else CAUTION
+        return Extrapolation(f3, None, factor * max(abs(f1 - f2), abs(f2 - f3)))
     trusted = min(order, highest_order)
     distance = (f2 - f3) / ((h2 / h3) ** trusted - 1.0)
     return Extrapolation(f3 - distance, order, SAFETY * abs(distance))

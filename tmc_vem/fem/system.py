@@ -187,6 +187,10 @@ class FemSystem:
         loads = self.points.nodal_loads(force(points.reshape(-1, 2)).reshape(points.shape))
         self._load_nodes = self.nodes.sum_over_cells(loads)
 
+    def node_labels(self) -> Float:
+        """Labels (n_owned_nodes, 3) of this rank's part of a vector: coordinates and 0."""
+        return np.column_stack([self.nodes.points_nx[: self.nodes.n_owned], np.zeros(self.nodes.n_owned)])
+
     def output_polygons(self) -> Polygons:
         """This rank's cells as polygons through all nodes of their boundary."""
         return self.nodes.polygons()
