@@ -1,6 +1,7 @@
 """Studies of the finite element path on the box; prints the tables of docs/fem.md.
 
-usage: python benchmarks/fem_studies.py STUDY...     with STUDY in linear, eta, regulariser, quadrature, table2, convergence
+usage: python benchmarks/fem_studies.py STUDY...
+STUDY is one of linear, eta, regulariser, quadrature, table2, convergence
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from tmc_vem.fem.system import FemSystem
 from tmc_vem.problems import Box, Medium
 from tmc_vem.simulation import compile_region
 from tmc_vem.solve.newton import NewtonSolver
-from tmc_vem.solve.stepping import LoadStepper
+from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 
 PAPER_FEM = {
     (10.0, 1e-4): "8.269e-3", (10.0, 1e-5): "2.033e-3", (10.0, 1e-6): "suspect",
@@ -56,12 +57,12 @@ def solve(problem: Box, system: Any) -> Outcome:
     start = time.perf_counter()
     count = [0, 0]
 
-    def on_step(step: Any, _: Any) -> None:
+    def on_step(step: Any, *_: Any) -> None:
         count[0] += 1
         count[1] += len(step.newton.iterations) + step.wasted_iterations
 
     u = system.create_vector()
-    outcome = LoadStepper(NewtonSolver(system), on_step=on_step).run(u)
+    outcome = LoadStepper(NewtonSolver(system), SteppingOptions(smallest=1e-3), on_step).run(u)
     names = ("flange_top", "flange_bottom")
     top, bottom = system.point_coordinates(names) + system.point_displacements(u, names)
     gap = float(np.hypot(*(top - bottom)))
@@ -103,14 +104,14 @@ def eta() -> None:
 
     def row(factor: float) -> list[str]:
         runs = [
-            fem((40, 10), medium, interior_penalty=mode, eta=factor, triangles=triangles).shown
+            fem((20, 10), medium, interior_penalty=mode, eta=factor, triangles=triangles).shown
             for mode in ("penalty", "full")
             for triangles in (False, True)
         ]
         return [f"{factor:g}", *runs]
 
     head = ["eta", "penalty, Q2", "penalty, P2", "full, Q2", "full, P2"]
-    table(head, map(row, (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)))
+    table(head, map(row, (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)))
 
 
 def regulariser() -> None:
@@ -149,7 +150,7 @@ def quadrature() -> None:
 
         return [str(degree), run(False), run(True)]
 
-    table(["degree", "Q2", "P2"], map(row, (2, 3, 4, 5, 6, 8, 10)))
+    table(["degree", "Q2", "P2"], map(row, (2, 3, 4, 5, 6, 8)))
 
 
 def table2() -> None:
