@@ -101,7 +101,7 @@ last = []
 result = LoadStepper(
     solver,
     SteppingOptions(),
-    lambda step, u: last.append((system.reaction(solver.residual, "load", 1), len(step.newton.iterations))),
+    lambda step, u, *_: last.append((system.reaction(solver.residual, "load", 1), len(step.newton.iterations))),
 ).run(u)
 top, bottom = system.point_displacements(u, ["flange_top", "flange_bottom"])
 report["solved box"] = {

@@ -104,13 +104,16 @@ def test_reaction_is_the_derivative_of_the_energy():
 
 
 def test_no_state_beyond_the_admissible_ones_is_evaluated():
-    """A step so large that full corrections would invert cells."""
-    watched = Watched(small_box(uy=-0.4))
-    solver = NewtonSolver(watched)
-    u = watched.create_vector()
-    stepper = LoadStepper(solver, SteppingOptions(first=0.3, largest=1.0))
-    stepper.run(u)
-    assert len(watched.seen) > 5
+    """From a state so far away that full corrections would invert cells."""
+    watched = Watched(make_system(voronoi(16), region("solid", K=5 / 3, mu=5 / 14), CLAMPED))
+    u = interpolate(watched._system, lambda x: x @ np.array([[0.2, -0.1], [0.3, 0.15]]))
+    noise = np.random.default_rng(4).normal(size=u.getLocalSize()) * 0.01
+    noise[watched.constrained()] = 0.0
+    u.getArray()[:] += noise
+    assert watched.energy(u).admissible
+    result = NewtonSolver(watched, NewtonOptions(max_iterations=40)).solve(u)
+    assert result.converged, result.reason
+    assert min(iteration.step for iteration in result.iterations) < 0.9
     assert all(evaluation.admissible for evaluation in watched.seen)
 
 
@@ -166,7 +169,7 @@ def test_equal_steps_hit_their_loads(steps):
     system = block(-0.2)
     reached = []
     stepper = LoadStepper(
-        NewtonSolver(system), SteppingOptions(steps=steps), lambda step, u: reached.append((step.number, step.load))
+        NewtonSolver(system), SteppingOptions(steps=steps), lambda step, u, *_: reached.append((step.number, step.load))
     )
     result = stepper.run(system.create_vector())
     assert result.complete
@@ -178,7 +181,7 @@ def test_equal_steps_hit_their_loads(steps):
 def test_equal_steps_that_fail_are_cut_and_the_equal_loads_still_hit():
     system = small_box(uy=-0.8)
     steps = []
-    stepper = LoadStepper(NewtonSolver(system), SteppingOptions(steps=3), lambda step, u: steps.append(step))
+    stepper = LoadStepper(NewtonSolver(system), SteppingOptions(steps=3), lambda step, u, *_: steps.append(step))
     stepper.solver.options = NewtonOptions(max_iterations=4)
     u = system.create_vector()
     result = stepper.run(u)
@@ -206,7 +209,7 @@ def test_state_does_not_depend_on_the_steps():
 def test_automatic_steps_grow_and_stay_below_the_largest():
     system, steps = block(-0.2), []
     options = SteppingOptions(first=0.02, largest=0.15)
-    LoadStepper(NewtonSolver(system), options, lambda step, u: steps.append(step)).run(system.create_vector())
+    LoadStepper(NewtonSolver(system), options, lambda step, u, *_: steps.append(step)).run(system.create_vector())
     sizes = np.diff([0.0] + [step.load for step in steps])
     assert sizes[0] == pytest.approx(0.02)
     assert sizes[1] == pytest.approx(0.03)  # grows by half
@@ -220,7 +223,7 @@ def test_an_impossible_load_ends_with_the_last_converged_state(options):
     system, steps = block(-1.4), []
     states = []
 
-    def keep(step, u):
+    def keep(step, u, *_):
         steps.append(step)
         states.append(u.getArray().copy())
 
@@ -259,7 +262,7 @@ def test_box_closes_its_gap():
     system = problem_system(Box(cells=(20, 5), medium=Medium(gamma=1e-4)))
     u, gaps = system.create_vector(), []
 
-    def keep(step, u):
+    def keep(step, u, *_):
         top, bottom = system.point_displacements(u, ["flange_top", "flange_bottom"])
         gaps.append(0.3 + top[1] - bottom[1])
 

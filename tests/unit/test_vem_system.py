@@ -167,7 +167,7 @@ def test_max_step_is_infinite_where_j_never_vanishes():
     u = interpolate(system, lambda x: 0.0 * x)
     assert system.max_step(u, interpolate(system, lambda x: 0.5 * x)) == np.inf
     assert system.max_step(u, interpolate(system, lambda x: np.ones_like(x))) > 1e10  # J constant up to rounding
-    assert system.max_step(u, interpolate(system, lambda x: -0.5 * x)) == pytest.approx(2.0, rel=1e-9)
+    assert system.max_step(u, interpolate(system, lambda x: -0.5 * x)) == pytest.approx(2.0, rel=1e-6)  # a double root
     assert system.max_step(u, interpolate(system, lambda x: x * [-0.25, 0.0])) == pytest.approx(4.0, rel=1e-9)
 
 
