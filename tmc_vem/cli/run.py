@@ -11,6 +11,8 @@ import click
 
 from tmc_vem.errors import InputError
 
+RESUME = "tmc_vem.resume"  # key in a context's meta: the run goes on from its checkpoint
+
 
 @click.group("run")
 def run_group() -> None:
@@ -71,6 +73,7 @@ def method_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--triangles", is_flag=True, help="fem: cut the quadrilaterals in two."),
         click.option("--out", type=click.Path(path_type=Path), help="Run directory. Default: nothing is written."),
         click.option("--overwrite", is_flag=True, help="Replace an earlier run in the run directory."),
+        click.option("--checkpoint-every", type=int, default=1, show_default=True, help="Load steps; 0 for none."),
         click.option("--snapshots", type=int, default=10, show_default=True, help="Load steps written for ParaView."),
         click.option("--json", "as_json", is_flag=True, help="Print result.json on stdout, and nothing else."),
         click.option("--quiet", is_flag=True, help="No progress display and no summary."),
@@ -140,7 +143,7 @@ def cbox(cells: tuple[int, int], solid_cells: str, refine_medium: int, uy: float
 @run_group.command("punch")
 @click.option("--size", type=float, default=0.1, show_default=True, help="Size of cells.")
 @click.option("--stiffness", type=float, default=1.0, show_default=True, help="Of the punch; the paper: 1 and 100.")
-@click.option("--gap0", type=float, default=0.2, show_default=True, help="Initial gap below the punch.")
+@click.option("--gap0", type=float, default=0.5, show_default=True, help="Initial gap below the punch.")
 @click.option("--uy", type=float, default=-1.3, show_default=True, help="Displacement of the punch's top.")
 @angle_medium_options(gamma=1e-4, alpha_r=1.0)
 @method_options
@@ -183,8 +186,9 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
         InputError, CodegenError: bad input.
         ConvergenceError: the full load was not reached; what converged is in the run directory.
     """
+    from tmc_vem.monitor import Monitor
     from tmc_vem.problems import Medium
-    from tmc_vem.simulation import Monitor, RunOptions, run
+    from tmc_vem.simulation import RunOptions, run
 
     medium = Medium(
         gamma=options["gamma"],
@@ -199,6 +203,7 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
         **method_settings(options),
         steps=options["steps"],
         snapshots=options["snapshots"],
+        checkpoint_every=options["checkpoint_every"],
         overwrite=options["overwrite"],
     )
     _start_petsc(options["petsc"])
@@ -210,7 +215,15 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
     silent = options["quiet"] or options["as_json"]
     on_root = MPI.COMM_WORLD.rank == 0
     monitor: Monitor = Monitor() if silent or not on_root else ConsoleMonitor()
-    result = run(problem, options["out"], settings, monitor=monitor)
+    context = click.get_current_context()
+    result = run(
+        problem,
+        options["out"],
+        settings,
+        monitor=monitor,
+        resume=context.meta.get(RESUME, False),
+        command=_asked(context),
+    )
     if on_root:
         if options["as_json"]:
             sys.stdout.write(result.to_json())
@@ -219,6 +232,12 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
     if not result.complete:
         kept = f"; steps up to there are in {result.directory}" if result.directory else ""
         raise ConvergenceError(f"stopped at {result.load:.4g} of the load: {result.reason}{kept}")
+
+
+def _asked(context: click.Context) -> dict[str, Any]:
+    """Problem and options as plain values, for a later ``tmc-vem resume``."""
+    plain = {name: str(value) if isinstance(value, Path) else value for name, value in context.params.items()}
+    return {"problem": context.command.name, "options": plain}
 
 
 def method_settings(options: dict[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,230 @@
+"""``tmc-vem mesh``: generate, describe, check and draw meshes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tmc_vem.errors import InputError
+
+FILE = click.Path(path_type=Path)
+
+
+@click.group("mesh")
+def mesh_group() -> None:
+    """Generate, describe, check and draw polygon meshes.
+
+    Formats by suffix: .vtu, .vtk and .obj for any polygons, .msh and .inp for triangles and quadrilaterals.
+    """
+
+
+@mesh_group.group("generate")
+def generate() -> None:
+    """Generate a mesh and write it to --out."""
+
+
+out_option = click.option("--out", type=FILE, required=True, help="File to write: .vtu, .vtk, .obj, .msh or .inp.")
+
+
+@generate.command("rectangle")
+@click.option("--width", type=float, default=1.0, show_default=True)
+@click.option("--height", type=float, default=1.0, show_default=True)
+@click.option("--size", type=float, default=0.1, show_default=True, help="Size of cells.")
+@click.option(
+    "--kind", type=click.Choice(["voronoi", "quadrilaterals", "triangles"]), default="voronoi", show_default=True
+)
+@click.option("--relaxation", default=10, show_default=True, help="Steps of Lloyd's method (voronoi).")
+@click.option("--shortest", default=0.15, show_default=True, help="Collapse edges below this fraction of --size.")
+@click.option("--seed", default=0, show_default=True, help="Of the random numbers (voronoi).")
+@out_option
+def rectangle(
+    width: float, height: float, size: float, kind: str, relaxation: int, shortest: float, seed: int, out: Path
+) -> None:
+    """A rectangle with named edges bottom, right, top and left.
+
+    \b
+      tmc-vem mesh generate rectangle --size 0.02 --out square.vtu
+    """
+    import numpy as np
+
+    from tmc_vem.mesh.outline import Region
+    from tmc_vem.mesh.parts import with_names
+    from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
+    from tmc_vem.problems.base import require_positive
+
+    for name, value in (("--width", width), ("--height", height), ("--size", size)):
+        require_positive(name, value, "a length")
+    a, b, c, d = (0.0, 0.0), (width, 0.0), (width, height), (0.0, height)
+    if kind == "quadrilaterals":
+        x, y = (np.linspace(0.0, extent, max(1, round(extent / size)) + 1) for extent in (width, height))
+        mesh = structured_quadrilaterals(x, y, [Rectangle("domain", 0.0, width, 0.0, height)])
+    elif kind == "triangles":
+        from tmc_vem.mesh.triangles import triangle_mesh
+
+        mesh = triangle_mesh([Region("domain", [a, b, c, d])], size)
+    else:
+        from tmc_vem.mesh.voronoi import voronoi_mesh
+
+        region = Region("domain", [a, b, c, d])
+        mesh = voronoi_mesh([region], size, relaxation=relaxation, shortest=shortest, seed=seed)
+    _write(with_names(mesh, lines={"bottom": (a, b), "right": (b, c), "top": (c, d), "left": (d, a)}), out)
+
+
+@generate.command("box")
+@click.option("--cells", type=int, nargs=2, default=(40, 10), show_default=True)
+@click.option("--refine-medium", default=1, show_default=True)
+@out_option
+def box(cells: tuple[int, int], refine_medium: int, out: Path) -> None:
+    """The box of section 5.1."""
+    from tmc_vem.problems import Box
+
+    _write(Box(cells=cells, medium_refinement=refine_medium).make_mesh(), out)
+
+
+@generate.command("cbox")
+@click.option("--cells", type=int, nargs=2, default=(20, 10), show_default=True)
+@click.option("--mesh", "solid_cells", type=click.Choice(["polygons", "quadrilaterals"]), default="polygons")
+@click.option("--refine-medium", default=1, show_default=True)
+@out_option
+def cbox(cells: tuple[int, int], solid_cells: str, refine_medium: int, out: Path) -> None:
+    """The C-box of section 5.2."""
+    from tmc_vem.problems import CBox
+
+    _write(CBox(cells, refine_medium, solid_cells).make_mesh(), out)
+
+
+@generate.command("punch")
+@click.option("--size", type=float, default=0.1, show_default=True)
+@click.option("--gap0", type=float, default=0.5, show_default=True)
+@out_option
+def punch(size: float, gap0: float, out: Path) -> None:
+    """The punch problem of section 5.3."""
+    from tmc_vem.problems import Punch
+
+    _write(Punch(size=size, gap0=gap0).make_mesh(), out)
+
+
+@generate.command("bodies")
+@click.option("--size", type=float, default=0.1, show_default=True)
+@click.option("--discs", type=int, default=7, show_default=True)
+@click.option("--gap0", type=float, default=0.1, show_default=True)
+@out_option
+def bodies(size: float, discs: int, gap0: float, out: Path) -> None:
+    """The several bodies of section 5.4."""
+    from tmc_vem.problems import Bodies
+
+    _write(Bodies(size=size, discs=discs, gap0=gap0).make_mesh(), out)
+
+
+@mesh_group.command("info")
+@click.argument("file", type=FILE)
+@click.option("--order", default=2, show_default=True, help="Order k of the elements, for l and memory.")
+def info(file: Path, order: int) -> None:
+    """Print counts, kinds of polygons, quality, chosen degrees l and memory."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from tmc_vem.mesh.io import read_mesh
+
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="bold")
+    table.add_column()
+    for name, value in describe(read_mesh(file), order):
+        table.add_row(name, value)
+    Console().print(table, highlight=False)
+
+
+@mesh_group.command("check")
+@click.argument("file", type=FILE)
+@click.option("--fix", type=FILE, metavar="OUT", help="Write a repaired mesh there: turned, merged, welded.")
+def check(file: Path, fix: Path | None) -> int:
+    """Name everything that is wrong with a mesh; exit code 1 if anything is (and --fix cannot repair it)."""
+    from tmc_vem.mesh.check import find_faults, repair
+    from tmc_vem.mesh.io import read_mesh, write_mesh
+
+    mesh = read_mesh(file, validate=False)
+    faults = find_faults(mesh)
+    for fault in faults:
+        click.echo(f"{fault.kind}: {fault.message}{' [--fix repairs this]' if fault.fixable and not fix else ''}")
+    if fix is not None:
+        write_mesh(repair(mesh), fix)
+        click.echo(f"{len(faults)} fault{'' if len(faults) == 1 else 's'} repaired, written to {fix}")
+        return 0
+    click.echo(f"{mesh.n_cells} cells, {mesh.n_vertices} vertices: {len(faults) or 'no'} faults")
+    return 1 if faults else 0
+
+
+@mesh_group.command("plot")
+@click.argument("file", type=FILE)
+@click.option("--out", type=FILE, required=True, help="Picture to write: .png, .pdf or .svg.")
+@click.option("--numbers", is_flag=True, help="Write the number of each cell into it.")
+def plot(file: Path, out: Path, numbers: bool) -> None:
+    """Draw a mesh, coloured by region, with named points and edges."""
+    from tmc_vem.mesh.io import read_mesh
+    from tmc_vem.report.mesh_figure import draw_mesh
+
+    if out.suffix.lower() not in (".png", ".pdf", ".svg"):
+        raise InputError(f"--out {out}: use .png, .pdf or .svg")
+    draw_mesh(read_mesh(file), out, numbers=numbers)
+    click.echo(f"written to {out}")
+
+
+def describe(mesh: Any, order: int) -> list[tuple[str, str]]:
+    """Names and values for ``info``."""
+    import numpy as np
+
+    from tmc_vem.mesh.quality import measure
+    from tmc_vem.vem.element import ElementSettings, build_elements
+
+    quality = measure(mesh)
+    settings = ElementSettings(order=order)
+    n_edges = len(mesh.edges)
+    n_dofs = 2 * (mesh.n_vertices + n_edges * (order - 1) + mesh.n_cells * order * (order - 1) // 2)
+    counts = np.bincount(mesh.n_sides_c)
+    rows = [
+        ("cells", f"{mesh.n_cells}, {mesh.n_vertices} vertices, {n_edges} edges"),
+        ("degrees of freedom", f"{n_dofs} for k = {order}"),
+        ("polygons", ", ".join(f"{counts[n]} with {n} sides" for n in np.flatnonzero(counts))),
+    ]
+    for r, name in enumerate(mesh.region_names):
+        chosen = mesh.region_c == r
+        rows.append((f"region {name}", f"{chosen.sum()} cells, area {quality.area_c[chosen].sum():.6g}"))
+    if mesh.named_points:
+        points = (f"{n} ({mesh.points_vx[v, 0]:.4g}, {mesh.points_vx[v, 1]:.4g})" for n, v in mesh.named_points.items())
+        rows.append(("named points", ", ".join(points)))
+    if mesh.named_edges:
+        rows.append(("named edges", ", ".join(f"{n} ({len(e)})" for n, e in mesh.named_edges.items())))
+    relative = quality.shortest_edge_c / quality.diameter_c
+    worst, flat = int(relative.argmin()), int(quality.aspect_c.argmax())
+    rows += [
+        ("cell diameter", f"{quality.diameter_c.min():.4g} to {quality.diameter_c.max():.4g}"),
+        ("shortest edge", f"{quality.shortest_edge_c.min():.4g}; {relative[worst]:.3g} of cell {worst}'s diameter"),
+        ("aspect", f"up to {quality.aspect_c[flat]:.3g}, cell {flat}"),
+        ("not convex", f"{(~quality.convex_c).sum()} cells; not star-shaped about the centroid: "
+                       f"{(~quality.star_shaped_c).sum()}"),
+    ]  # fmt: skip
+    try:
+        groups = build_elements(mesh, settings)
+    except InputError as error:
+        rows.append(("degree l", str(error)))
+        return rows
+    degrees: dict[tuple[int, int], int] = {}
+    for group in groups:
+        degrees[group.degree, group.n_sides] = degrees.get((group.degree, group.n_sides), 0) + len(group.cells)
+    for degree in sorted({d for d, _ in degrees}):
+        parts = ", ".join(f"{n} with {sides} sides" for (d, sides), n in sorted(degrees.items()) if d == degree)
+        rows.append((f"l = {degree}", parts))
+    tables = sum(g.B_sqra.nbytes + g.w_sq.nbytes + g.values_sqa.nbytes + g.points_sqx.nbytes for g in groups)
+    shapes = sum(len(g.w_sq) for g in groups)
+    tangents = sum(len(g.cells) * (2 * g.n_basis) ** 2 * 8 for g in groups)
+    rows.append(("memory", f"{tables / 1e6:.1f} MB for {shapes} shapes, {tangents / 1e6:.1f} MB for element tangents"))
+    return rows
+
+
+def _write(mesh: Any, out: Path) -> None:
+    from tmc_vem.mesh.io import write_mesh
+
+    write_mesh(mesh, out)
+    click.echo(f"{mesh.n_cells} cells, {mesh.n_vertices} vertices written to {out}")
