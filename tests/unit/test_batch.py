@@ -1,0 +1,151 @@
+"""Batches: finished runs are found again, whatever ended the batch before; a failure stops nothing else."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tmc_vem.batch import LOCK, Job, Observer, Outcome, run_batch
+from tmc_vem.errors import InputError
+from tmc_vem.problems import Box, Medium
+from tmc_vem.simulation import RunOptions
+
+FAST = RunOptions(snapshots=0)
+
+
+def job(uy: float = -0.02, gamma: float = 1e-4, label: str = "box") -> Job:
+    return Job(label, Box(cells=(20, 5), uy=uy, medium=Medium(gamma=gamma)), FAST)
+
+
+class Recorder(Observer):
+    def __init__(self) -> None:
+        self.reused = -1
+        self.outcomes: list[Outcome] = []
+        self.fractions: list[float] = []
+
+    def started(self, n_jobs: int, n_reused: int) -> None:
+        self.reused = n_reused
+
+    def advanced(self, fraction: float, seconds_left: float | None, running: object) -> None:
+        self.fractions.append(fraction)
+
+    def finished(self, outcome: Outcome, n_done: int, seconds_left: float | None) -> None:
+        self.outcomes.append(outcome)
+
+
+def test_finished_runs_are_not_repeated(tmp_path: Path) -> None:
+    first, second = Recorder(), Recorder()
+    jobs = [job(-0.02), job(-0.01), job(-0.02)]
+    results = run_batch(jobs, tmp_path, observer=first)
+    assert [outcome.job.problem.inputs()["uy"] for outcome in results] == [-0.02, -0.01, -0.02]
+    assert len(first.outcomes) == 2  # equal jobs are done once
+    assert 0.0 < first.fractions[0] <= first.fractions[-1] <= 1.0
+    assert all(outcome.result and outcome.result.complete and not outcome.reused for outcome in first.outcomes)
+    again = run_batch(jobs, tmp_path, observer=second)
+    assert (second.reused, second.outcomes) == (2, [])
+    assert all(outcome.reused for outcome in again)
+
+
+def test_other_inputs_are_another_run(tmp_path: Path) -> None:
+    assert len({job().name, job(gamma=1e-5).name, job(uy=-0.03).name}) == 3
+    (outcome,) = run_batch([job()], tmp_path)
+    assert outcome.result is not None
+    # a result whose inputs were changed by hand does not pass for this run
+    path = tmp_path / job().name / "result.json"
+    data = json.loads(path.read_text())
+    data["inputs"]["uy"] = -0.5
+    path.write_text(json.dumps(data))
+    recorder = Recorder()
+    run_batch([job()], tmp_path, observer=recorder)
+    assert recorder.reused == 0
+    assert json.loads(path.read_text())["inputs"]["uy"] == -0.02
+
+
+def test_a_run_that_was_cut_off_is_done_again(tmp_path: Path) -> None:
+    left = tmp_path / job().name
+    (left / "fields").mkdir(parents=True)
+    (left / "history.csv").write_text("step,load\n1,")
+    (outcome,) = run_batch([job()], tmp_path)
+    assert outcome.result is not None
+    assert outcome.result.complete
+
+
+def test_a_failure_does_not_stop_the_others(tmp_path: Path) -> None:
+    user_file = tmp_path / "broken.py"
+    user_file.write_text("def broken(F, G, p, m):\n    return m.sqrt(p.kappa) * G[0][0][0] ** 2\n")
+    medium = Medium(regulariser=f"{user_file}:broken", parameters={"kappa": 1.0})
+    bad = Job("bad", Box(cells=(20, 5), medium=medium), FAST)
+    user_file.write_text("def broken(F, G, p, m):\n    return 1 / 0\n")
+    outcomes = run_batch([bad, job()], tmp_path / "runs")
+    assert outcomes[0].result is None
+    assert "zero" in outcomes[0].error
+    assert outcomes[1].result is not None
+
+
+def test_two_batches_do_not_share_a_directory(tmp_path: Path) -> None:
+    with (tmp_path / LOCK).open("w") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        with pytest.raises(InputError, match="another tmc-vem is at work"):
+            run_batch([job()], tmp_path)
+
+
+def test_bad_input(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="0 processes"):
+        run_batch([], tmp_path, processes=0)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot write"):
+        run_batch([], tmp_path / "file" / "runs")
+
+
+BATCH = """
+import sys
+from pathlib import Path
+from tmc_vem.batch import Job, run_batch
+from tmc_vem.problems import Box
+from tmc_vem.simulation import RunOptions
+jobs = [Job("box", Box(cells=(20, 5), uy=-0.02 - 0.001 * n), RunOptions(snapshots=0)) for n in range(3)]
+run_batch(jobs, Path(sys.argv[1]), processes=1)
+"""
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_a_batch_that_is_killed_goes_on_where_it_was(tmp_path: Path, how: signal.Signals) -> None:
+    command = [sys.executable, "-c", BATCH, str(tmp_path)]
+    batch = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    limit = time.monotonic() + 60.0
+    while len(list(tmp_path.glob("*/result.json"))) < 1:
+        assert time.monotonic() < limit
+        time.sleep(0.01)
+    batch.send_signal(how)
+    batch.wait(timeout=10)
+    limit = time.monotonic() + 20.0
+    while _orphans():
+        assert time.monotonic() < limit, "the worker does not notice that its batch is gone"
+        time.sleep(0.05)
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*/result.json")}
+    assert 1 <= len(before) < 3
+    assert subprocess.run(command, timeout=60, check=False).returncode == 0
+    after = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*/result.json")}
+    assert len(after) == 3
+    assert before.items() <= after.items()
+
+
+def _orphans() -> list[int]:
+    """Workers whose batch is gone."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            command = (process / "cmdline").read_bytes()
+            parent = int((process / "stat").read_text().rsplit(")", 1)[1].split()[1])
+        except OSError:
+            continue
+        if b"tmc_vem.batch_worker" in command and parent == 1:
+            found.append(int(process.name))
+    return found
