@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -66,8 +67,14 @@ class SnapshotWriter:
         self.source = source
         self.directory = directory
         self._pending = sorted(loads)
-        self._entries: list[tuple[float, list[str]]] = []
+        self.entries: list[tuple[float, list[str]]] = []
         self._polygons = source.output_polygons()
+
+    def restore(self, entries: Sequence[Sequence[Any]]) -> None:
+        """Go on after these load factors and files, which an interrupted run has written."""
+        self.entries = [(float(load), list(names)) for load, names in entries]
+        reached = self.entries[-1][0] if self.entries else 0.0
+        self._pending = [wanted for wanted in self._pending if wanted > reached + 1e-9]
 
     def offer(self, step: int, load: float, u: Any) -> None:
         """Write this step if one of the selected loads has been reached; called on all ranks."""
@@ -82,6 +89,6 @@ class SnapshotWriter:
             for rank, n_cells in enumerate(comm.allgather(self._polygons.n_cells))
             if n_cells
         ]
-        self._entries.append((load, names))
+        self.entries.append((load, names))
         if comm.rank == 0:
-            write_pvd(self.directory / COLLECTION, self._entries)
+            write_pvd(self.directory / COLLECTION, self.entries)

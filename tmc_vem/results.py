@@ -7,6 +7,7 @@ A run directory holds ``result.json`` (inputs, versions, results, times), ``hist
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 import os
@@ -21,7 +22,8 @@ from tmc_vem.errors import InputError
 
 SCHEMA = 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
-_OWN = (RESULT, HISTORY, FIELDS, COLLECTION, PICTURE)
+COMMAND = "command.json"
+_OWN = (RESULT, HISTORY, FIELDS, COLLECTION, PICTURE, COMMAND, "checkpoint.h5", "checkpoint-before.h5")
 
 
 @dataclass(frozen=True)
@@ -217,7 +219,7 @@ class RunDirectory:
         if path.exists() and not path.is_dir():
             raise InputError(f"output directory {path} is a file: choose another name")
         if path.is_dir() and any(path.iterdir()):
-            if not (path / RESULT).exists() and not (path / HISTORY).exists():
+            if not any((path / name).exists() for name in (RESULT, HISTORY, COMMAND)):
                 raise InputError(f"output directory {path} has other things in it: choose an empty or new one")
             if not overwrite:
                 raise InputError(f"output directory {path} has a run in it: choose another, or say --overwrite")
@@ -227,8 +229,12 @@ class RunDirectory:
         if not os.access(parent, os.W_OK):
             raise InputError(f"output directory {path} cannot be written: no permission in {parent}")
 
-    def start(self) -> None:
-        """Make the directory, without what an earlier run left."""
+    def start(self, command: Mapping[str, Any] | None = None) -> None:
+        """Make the directory, without what an earlier run left.
+
+        Args:
+            command: what the command line was asked, for a later ``tmc-vem resume``.
+        """
         self.path.mkdir(parents=True, exist_ok=True)
         for name in _OWN:
             target = self.path / name
@@ -237,6 +243,8 @@ class RunDirectory:
             else:
                 target.unlink(missing_ok=True)
         (self.path / FIELDS).mkdir()
+        if command is not None:
+            write_atomically(self.path / COMMAND, json.dumps(command, indent=2) + "\n")
 
     def add_step(self, record: StepRecord) -> None:
         """Append a row to history.csv."""
@@ -248,6 +256,15 @@ class RunDirectory:
             if new:
                 writer.writeheader()
             writer.writerow(row)
+
+    def rewrite_history(self, records: Sequence[StepRecord]) -> None:
+        """Write history.csv anew, without the steps after a checkpoint."""
+        rows = [record.as_row() for record in records]
+        text = io.StringIO()
+        writer = csv.DictWriter(text, fieldnames=list(rows[0]) if rows else ["step"])
+        writer.writeheader()
+        writer.writerows(rows)
+        write_atomically(self.path / HISTORY, text.getvalue())
 
     def write_result(self, result: RunResult) -> None:
         """Write result.json."""

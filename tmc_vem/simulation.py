@@ -7,12 +7,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from tmc_vem.errors import InputError, TmcError
 from tmc_vem.fem.settings import FemSettings
+from tmc_vem.monitor import Monitor
 from tmc_vem.problems.base import Problem, RegionEnergy
-from tmc_vem.results import PICTURE, RunDirectory, RunResult, StepRecord
+from tmc_vem.results import RunDirectory, RunResult
 from tmc_vem.timing import Timer
 from tmc_vem.vem.element import ElementSettings
 
@@ -30,6 +29,7 @@ class RunOptions:
         steps: equal load steps, or None for automatic ones.
         largest_step: largest automatic step, as a fraction of the load.
         snapshots: load steps that are written as VTU files, evenly spread over the load.
+        checkpoint_every: converged load steps between checkpoints in the output directory; 0 for none.
         overwrite: replace an earlier run in the output directory.
     """
 
@@ -39,6 +39,7 @@ class RunOptions:
     steps: int | None = None
     largest_step: float = 0.1
     snapshots: int = 10
+    checkpoint_every: int = 1
     overwrite: bool = False
 
     def __post_init__(self) -> None:
@@ -46,24 +47,10 @@ class RunOptions:
             raise InputError(f"unknown method '{self.method}': choose one of {', '.join(METHODS)}")
         if not 0 <= self.snapshots <= 10_000:
             raise InputError(f"snapshots = {self.snapshots}: use 0 to 10000")
+        if self.checkpoint_every < 0:
+            raise InputError(f"checkpoint every {self.checkpoint_every} steps: use 1 or more, or 0 for none")
         if not 0.0 < self.largest_step <= 1.0:
             raise InputError(f"largest step = {self.largest_step:g}: use a fraction of the load, above 0 and up to 1")
-
-
-class Monitor:
-    """Hears about a run as it goes on; the command line's progress display is one. All methods may be overridden."""
-
-    def started(self, problem: Problem, n_cells: int, n_dofs: int) -> None:
-        """The system is set up."""
-
-    def iterated(self, iteration: int, residual: float) -> None:
-        """A Newton iteration is done, counted from the start of the run."""
-
-    def stepped(self, record: StepRecord) -> None:
-        """A load step has converged."""
-
-    def finished(self, result: RunResult) -> None:
-        """The run is over."""
 
 
 def run(
@@ -73,6 +60,8 @@ def run(
     *,
     comm: Any = None,
     monitor: Monitor | None = None,
+    resume: bool = False,
+    command: Mapping[str, Any] | None = None,
 ) -> RunResult:
     """Solve a problem up to full load.
 
@@ -82,6 +71,8 @@ def run(
         options: discretisation and load stepping.
         comm: MPI communicator, all ranks by default.
         monitor: hears about progress; called on rank 0 only.
+        resume: go on from the checkpoint in ``out``; problem and options must be those it was made with.
+        command: what the command line was asked, kept in the run directory so that ``tmc-vem resume`` can ask it again.
 
     Returns:
         The result on every rank. If the load could not be applied in full, ``complete`` is False, ``reason`` says why,
@@ -90,18 +81,18 @@ def run(
     Raises:
         InputError: the problem, the options or the output directory are wrong; nothing is written then.
         CodegenError: an energy's kernel cannot be made.
+        Interrupted: Ctrl-C or SIGTERM; the last checkpoint is in the run directory.
     """
     from mpi4py import MPI
 
-    from tmc_vem.output import SnapshotWriter, gather_fields
-    from tmc_vem.provenance import versions
+    from tmc_vem.interrupt import stop_requests
+    from tmc_vem.recorder import Recorder
     from tmc_vem.solve.newton import NewtonSolver
     from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 
     options = options or RunOptions()
     comm = MPI.COMM_WORLD if comm is None else comm
-    on_root = comm.rank == 0
-    monitor = monitor if monitor is not None and on_root else Monitor()
+    monitor = monitor if monitor is not None and comm.rank == 0 else Monitor()
     timer = Timer()
     stepping = SteppingOptions(
         steps=options.steps,
@@ -109,84 +100,45 @@ def run(
         first=min(SteppingOptions.first, options.largest_step),
         smallest=min(SteppingOptions.smallest, options.largest_step),
     )
+    if resume and out is None:
+        raise InputError("there is nothing to resume without a run directory")
 
     with timer("set-up"):
-        directory = _on_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite)) if out is not None else None
+        directory = None
+        if out is not None:
+            directory = _on_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume))
         system = discretise(problem, options, comm)
         solver = NewtonSolver(system, timer=timer)
-        gap_points = _reference_gap(problem, system)
-        if directory is not None and on_root:
-            directory.start()
+        inputs = run_inputs(problem, options)
+        if directory is not None and comm.rank == 0 and not resume:
+            directory.start(command)
         comm.barrier()
-        snapshots = None
-        if directory is not None and options.snapshots:
-            loads = tuple((n + 1) / options.snapshots for n in range(options.snapshots))
-            snapshots = SnapshotWriter(system, directory.path, loads)
-    n_cells, n_dofs = system.n_cells_global, system.n_dofs
-    monitor.started(problem, n_cells, n_dofs)
+        recorder = Recorder(
+            problem, system, inputs, directory, options.snapshots, options.checkpoint_every, monitor, timer
+        )
+        u, previous = system.create_vector(), system.create_vector()
+        start = recorder.restore(u, previous) if resume else None
+    monitor.started(problem, system.n_cells_global, system.n_dofs)
 
-    history: list[StepRecord] = []
     iterations = 0
+    with stop_requests(comm) as stop:
 
-    def on_iteration(iteration: Any) -> None:
-        nonlocal iterations
-        iterations += 1
-        monitor.iterated(iterations, iteration.residual)
+        def on_iteration(iteration: Any) -> None:
+            nonlocal iterations
+            iterations += 1
+            monitor.iterated(iterations, iteration.residual)
+            stop.check()
 
-    def on_step(step: Any, u: Any) -> None:
-        load_condition = problem.load()
-        evaluation = step.newton.evaluation
-        with timer("output"):
-            record = StepRecord(
-                step=step.number,
-                load=step.load,
-                displacement=step.load * load_condition.value,
-                gap=_gap(problem, system, gap_points, u),
-                reaction=system.reaction(solver.residual, load_condition.where, load_condition.component),
-                iterations=len(step.newton.iterations),
-                cut_backs=step.cut_backs,
-                wasted_iterations=step.wasted_iterations,
-                min_j={name: values.min_j for name, values in evaluation.regions.items()},
-                energy={name: values.energy for name, values in evaluation.regions.items()},
-                negative_pivots=step.newton.negative_pivots,
-                jumped=step.jumped,
-                seconds=timer.report()["total"],
-            )
-            history.append(record)
-            if directory is not None and on_root:
-                directory.add_step(record)
-            if snapshots is not None:
-                snapshots.offer(step.number, step.load, u)
-            monitor.stepped(record)
-
-    solver.on_iteration = on_iteration
-    u = system.create_vector()
-    outcome = LoadStepper(solver, stepping, on_step).run(u)
-
-    if directory is not None:
-        with timer("output"):
-            fields = gather_fields(system, u)
-            if fields is not None:
-                from tmc_vem.report.figures import draw_deformed
-
-                draw_deformed(fields, directory.path / PICTURE, title=_title(problem, history))
-    result = RunResult(
-        inputs=run_inputs(problem, options),
-        versions=versions(comm.size),
-        complete=outcome.complete,
-        reason=outcome.reason,
-        load=outcome.load,
-        n_cells=n_cells,
-        n_dofs=n_dofs,
-        newton_iterations=sum(r.iterations + r.wasted_iterations for r in history) + outcome.failed_iterations,
-        cut_backs=sum(r.cut_backs for r in history) + outcome.failed_attempts,
-        projection_degrees={str(degree): count for degree, count in system.projection_degrees().items()},
-        seconds=timer.report(),
-        history=history,
-        directory=None if directory is None else directory.path,
-    )
-    if directory is not None and on_root:
-        directory.write_result(result)
+        solver.on_iteration = on_iteration
+        stepper = LoadStepper(
+            solver, stepping, lambda step, u, before, at: recorder.record(step, u, before, at, solver.residual)
+        )
+        try:
+            outcome = stepper.run(u, previous, start)
+        except TmcError:
+            monitor.aborted()
+            raise
+    result = recorder.finish(outcome, u)
     monitor.finished(result)
     return result
 
@@ -234,19 +186,6 @@ def _on_root(comm: Any, make: Callable[[], RunDirectory]) -> RunDirectory:
     return made
 
 
-def _reference_gap(problem: Problem, system: Any) -> Any:
-    gap = problem.gap()
-    return None if gap is None else system.point_coordinates((gap.first, gap.second))
-
-
-def _gap(problem: Problem, system: Any, reference: Any, u: Any) -> float | None:
-    gap = problem.gap()
-    if gap is None:
-        return None
-    first, second = reference + system.point_displacements(u, (gap.first, gap.second))
-    return float(np.hypot(*(first - second)))
-
-
 def run_inputs(problem: Problem, options: RunOptions) -> dict[str, Any]:
     """The inputs as a run directory records them; two runs with equal ones give equal results."""
     return {**problem.inputs(), **_method_inputs(options)}
@@ -268,11 +207,3 @@ def _method_inputs(options: RunOptions) -> Mapping[str, Any]:
         "load_steps": "automatic" if options.steps is None else options.steps,
         "largest_step": options.largest_step,
     }
-
-
-def _title(problem: Problem, history: list[StepRecord]) -> str:
-    if not history:
-        return f"{problem.name}, undeformed"
-    last = history[-1]
-    gap = "" if last.gap is None else f", gap {last.gap:.4g}"
-    return f"{problem.name} at {problem.load().where} displacement {last.displacement:g}{gap}"

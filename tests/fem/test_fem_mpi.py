@@ -3,24 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers_process import process
 
 pytest.importorskip("dolfinx", reason="dolfinx is not installed")
 
-# Open MPI refuses root and more ranks than cores unless told otherwise.
-ENVIRONMENT = {
-    **os.environ,
-    "OMP_NUM_THREADS": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMPI_MCA_rmaps_base_oversubscribe": "1",
-}
 PROGRAM = """
 import json, sys
 import numpy as np
@@ -57,11 +47,7 @@ if comm.rank == 0:
 
 def solve(ranks: int, mode: str, triangles: bool) -> tuple[dict[str, Any], list[float]]:
     """Output of the program above."""
-    command = ["mpirun", "-n", str(ranks), sys.executable, "-c", PROGRAM, mode, str(int(triangles))]
-    folder = str(Path(__file__).parent)
-    done = subprocess.run(
-        command, capture_output=True, text=True, timeout=300, check=False, cwd=folder, env=ENVIRONMENT
-    )
+    done = process(["-c", PROGRAM, mode, str(int(triangles))], ranks=ranks, cwd=Path(__file__).parent, timeout=300)
     assert done.returncode == 0, done.stderr
     first, second = (json.loads(line) for line in done.stdout.splitlines() if line[:1] in "[{")
     return first, second

@@ -3,38 +3,22 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 
 import pytest
+from helpers_process import process
 
 HERE = Path(__file__).resolve().parent
 RANKS = (1, 2, 3)
-ENVIRONMENT = {
-    "OMP_NUM_THREADS": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMPI_MCA_rmaps_base_oversubscribe": "1",
-    "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
-}
 
 
 @cache
 def run(script: str, n_ranks: int):
     """JSON that the script's rank 0 prints; a run that hangs is stopped and fails."""
-    process = subprocess.run(
-        ["mpirun", "-n", str(n_ranks), sys.executable, str(HERE / script)],
-        capture_output=True,
-        text=True,
-        timeout=150,
-        env={**os.environ, **ENVIRONMENT},
-        check=False,
-    )
-    assert process.returncode == 0, process.stdout[-2000:] + process.stderr[-4000:]
-    return json.loads(process.stdout.splitlines()[-1])
+    done = process([str(HERE / script)], ranks=n_ranks)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 @pytest.mark.parametrize("n_ranks", RANKS)

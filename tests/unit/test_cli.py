@@ -4,21 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from helpers_process import tmc
 
 CELLS = ("--cells", "20", "5")
 SHORT = (*CELLS, "--uy", "-0.05")
-
-
-def tmc(*arguments: str, cwd: Path | None = None, ranks: int = 0) -> subprocess.CompletedProcess[str]:
-    """Run tmc-vem in a process of its own."""
-    launcher = ["mpirun", "-n", str(ranks)] if ranks else []
-    command = [*launcher, sys.executable, "-c", "from tmc_vem.cli.main import main; main()", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
 
 
 def test_json_is_all_that_stdout_has() -> None:

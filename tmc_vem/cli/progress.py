@@ -8,9 +8,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from tmc_vem.monitor import Monitor
 from tmc_vem.problems.base import Problem
 from tmc_vem.results import RunResult, StepRecord
-from tmc_vem.simulation import Monitor
 
 
 class ConsoleMonitor(Monitor):
@@ -50,10 +50,14 @@ class ConsoleMonitor(Monitor):
             self._shown = record.load
             self.console.print(f"load {record.load:.3f}, {self._last}{record.iterations} iterations", highlight=False)
 
-    def finished(self, result: RunResult) -> None:
+    def aborted(self) -> None:
         """Remove the bar."""
         if self._progress:
             self._progress.stop()
+
+    def finished(self, result: RunResult) -> None:
+        """Remove the bar."""
+        self.aborted()
 
 
 def print_summary(result: RunResult) -> None:

@@ -64,6 +64,23 @@ class Step:
 
 
 @dataclass(frozen=True)
+class Position:
+    """Where the load stepping stands after a converged step; with the last two states, all it needs to go on.
+
+    Attributes:
+        load: load factor of the step.
+        last_size: its size, 0 if there is nothing to extrapolate from.
+        size: size of the next step.
+        number: steps so far.
+    """
+
+    load: float = 0.0
+    last_size: float = 0.0
+    size: float = 0.0
+    number: int = 0
+
+
+@dataclass(frozen=True)
 class SteppingResult:
     """Where the load stepping ended: the full load, or the last converged one and why not further."""
 
@@ -81,19 +98,27 @@ class LoadStepper:
     Args:
         solver: Newton's method for the system.
         options: step sizes.
-        on_step: called after every converged step with the step and the state; the residual (with the reactions) is
-            in ``solver.residual``.
+        on_step: called after every converged step with the step, the state, the state before and the position from
+            which the stepping could go on; the residual (with the reactions) is in ``solver.residual``.
     """
 
     solver: NewtonSolver
     options: SteppingOptions = field(default_factory=SteppingOptions)
-    on_step: Callable[[Step, Any], None] | None = None
+    on_step: Callable[[Step, Any, Any, Position], None] | None = None
 
-    def run(self, u: Any) -> SteppingResult:
-        """Load from 0 to 1; ``u`` is the state at load 0 and is left at the last converged state."""
-        previous, trial = u.duplicate(), u.duplicate()
-        size = self._first_size()
-        load, last_size, number, cut_backs, wasted = 0.0, 0.0, 0, 0, 0
+    def run(self, u: Any, previous: Any = None, start: Position | None = None) -> SteppingResult:
+        """Load up to 1.
+
+        Args:
+            u: the state to start from; it is left at the last converged state.
+            previous: the state before it, if the stepping goes on from a position.
+            start: position to go on from; load 0 by default.
+        """
+        start = start or Position(size=self._first_size())
+        previous = u.duplicate() if previous is None else previous
+        trial = u.duplicate()
+        load, last_size, size, number = start.load, start.last_size, start.size, start.number
+        cut_backs, wasted = 0, 0
         while load < 1.0 - DONE:
             target = self._target(load, size)
             result = self._attempt(u, previous, trial, load, last_size, target)
@@ -116,9 +141,10 @@ class LoadStepper:
             # there is nothing to extrapolate across a jump to another branch
             taken = target - load
             last_size, load, number = 0.0 if jumped else taken, target, number + 1
-            if self.on_step:
-                self.on_step(Step(number, load, result, cut_backs, wasted, jumped), u)
             size = self._next_size(size, taken, len(result.iterations), cut_backs > 0 and not jumped)
+            if self.on_step:
+                step = Step(number, load, result, cut_backs, wasted, jumped)
+                self.on_step(step, u, previous, Position(load, last_size, size, number))
             cut_backs, wasted = 0, 0
         return SteppingResult(1.0, True, "full load")
 

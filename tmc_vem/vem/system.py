@@ -17,6 +17,7 @@ from tmc_vem.constraints import Prescribed
 from tmc_vem.errors import InputError
 from tmc_vem.fields import Polygons
 from tmc_vem.mesh.distribute import DistributedMesh
+from tmc_vem.mesh.geometry import centroids
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.parallel import on_every_rank
 from tmc_vem.solve.protocol import Evaluation, RegionValues
@@ -235,6 +236,26 @@ class VemSystem:
     def nodal_values(self, u: Any) -> Float:
         """Values (n_nodes, 2) of this rank's nodes, ghosts included."""
         return self._local_values(u).copy()
+
+    def node_labels(self) -> Float:
+        """Labels (n_owned_nodes, 3) of this rank's part of a vector that do not depend on the distribution.
+
+        Coordinates and 0 for nodes on sides; a cell's centroid and 1, 2, ... for its moments.
+        """
+        polygons = self.output_polygons()
+        labels = np.zeros((self.dofmap.n_nodes, 3))
+        on_sides = np.concatenate([self.dofmap.vertex_nodes, self.dofmap.edge_nodes.ravel()])
+        labels[on_sides, :2] = polygons.points_nx
+        for _, cells, vertices_cv in self.distributed.mesh.cells_by_size():
+            center_cx = centroids(self.distributed.mesh.points_vx[vertices_cv])
+            for m, nodes in enumerate(self.dofmap.cell_moments[cells].T):
+                labels[nodes] = np.column_stack([center_cx, np.full(len(cells), m + 1.0)])
+        first, last = self._owned_range()
+        numbers = self.dofmap.dm.getLGMap().apply((2 * np.arange(len(labels))).astype(PETSc.IntType))
+        owned = (numbers >= first) & (numbers < last)
+        ordered = np.empty(((last - first) // 2, 3))
+        ordered[(numbers[owned] - first) // 2] = labels[owned]
+        return ordered
 
     def output_polygons(self) -> Polygons:
         """This rank's cells as polygons through vertices and points on the sides."""

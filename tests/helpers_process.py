@@ -1,0 +1,54 @@
+"""Processes of their own for tests: the command line, and MPI programs."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+_MPI_SETTINGS = {
+    "OMP_NUM_THREADS": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
+}
+
+
+def clean_environment() -> dict[str, str]:
+    """The environment without what Open MPI leaves in it when this process has started MPI itself; with that left in,
+    mpirun takes itself for a part of the running job and ends without a word."""
+    leftovers = ("OMPI_", "PMIX_", "PMI_", "ORTE_", "HWLOC_")
+    return {k: v for k, v in os.environ.items() if not k.startswith(leftovers)} | _MPI_SETTINGS
+
+
+def process(
+    arguments: Sequence[str],
+    *,
+    ranks: int = 0,
+    cwd: Path | str | None = None,
+    timeout: float = 150,
+    environment: Mapping[str, str] | None = None,
+) -> subprocess.CompletedProcess[str]:
+    """Run this Python with arguments, under mpirun if ``ranks`` is given; output as text, the exit code not checked."""
+    launcher = ["mpirun", "-n", str(ranks)] if ranks else []
+    return subprocess.run(
+        [*launcher, sys.executable, *arguments],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        env=clean_environment() | dict(environment or {}),
+        check=False,
+    )
+
+
+def tmc(
+    *arguments: str, ranks: int = 0, cwd: Path | str | None = None, timeout: float = 150
+) -> subprocess.CompletedProcess[str]:
+    """Run the command tmc-vem."""
+    return process(
+        ["-c", "from tmc_vem.cli.main import main; main()", *arguments], ranks=ranks, cwd=cwd, timeout=timeout
+    )

@@ -1,0 +1,147 @@
+"""Checkpoints: atomic, checked, independent of ranks; a run that was stopped ends like one that was not."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers_process import tmc
+
+from tmc_vem.checkpoint import BEFORE, CHECKPOINT, Checkpoint
+from tmc_vem.errors import InputError, TmcError
+
+COMMAND = [sys.executable, "-c", "from tmc_vem.cli.main import main; main()"]
+BOX = ["run", "box", "--cells", "20", "5", "--uy", "-0.4", "--steps", "16", "--snapshots", "4", "--quiet"]
+
+
+def checkpoint(value: float = 1.0) -> Checkpoint:
+    labels = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.5, 1.0]])
+    state = np.full((3, 2), value) + labels[:, :2]
+    return Checkpoint({"number": value}, labels, state, 0.5 * state)
+
+
+@pytest.fixture(scope="module")
+def whole_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("whole") / "box"
+    assert tmc(*BOX, "--out", str(out)).returncode == 0
+    return out
+
+
+def stopped_run(out: Path, number: int) -> int:
+    """Start a run and send it a signal after its fifth step; the exit code."""
+    process = subprocess.Popen([*COMMAND, *BOX, "--out", str(out)], stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+    history = out / "history.csv"
+    while not history.exists() or len(history.read_text().splitlines()) < 6:
+        assert time.monotonic() < deadline, "the run made no progress"
+        assert process.poll() is None, "the run ended before it was stopped"
+        time.sleep(0.002)
+    process.send_signal(number)
+    return process.wait(timeout=60)
+
+
+def result(out: Path) -> dict[str, object]:
+    data: dict[str, object] = json.loads((out / "result.json").read_text())
+    return {key: data[key] for key in ("gap", "reaction", "steps", "newton_iterations", "load", "complete")}
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGKILL, -9), (signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_stopped_run_goes_on_to_the_same_result(number: int, code: int, tmp_path: Path, whole_run: Path) -> None:
+    out = tmp_path / "box"
+    assert stopped_run(out, number) == code
+    assert not (out / "result.json").exists()
+    assert tmc("resume", str(out), "--quiet").returncode == 0
+    assert result(out) == result(whole_run)
+    assert (out / "fields.pvd").read_text() == (whole_run / "fields.pvd").read_text()
+    columns = slice(0, 9)  # all but the time
+    for mine, theirs in zip(
+        (out / "history.csv").read_text().splitlines(),
+        (whole_run / "history.csv").read_text().splitlines(),
+        strict=True,
+    ):
+        assert mine.split(",")[columns] == theirs.split(",")[columns]
+
+
+def test_another_number_of_ranks_goes_on(tmp_path: Path, whole_run: Path) -> None:
+    out = tmp_path / "box"
+    stopped_run(out, signal.SIGKILL)
+    assert tmc("resume", str(out), "--quiet", ranks=2).returncode == 0
+    mine, theirs = result(out), result(whole_run)
+    assert mine["gap"] == pytest.approx(theirs["gap"], rel=1e-10)
+    assert mine["steps"] == theirs["steps"]
+
+
+def test_other_inputs_are_refused(tmp_path: Path) -> None:
+    out = tmp_path / "box"
+    stopped_run(out, signal.SIGKILL)
+    asked = json.loads((out / "command.json").read_text())
+    asked["options"]["gamma"] = 1e-3
+    (out / "command.json").write_text(json.dumps(asked))
+    done = tmc("resume", str(out))
+    assert done.returncode == 2
+    assert "the checkpoint was made with medium" in done.stderr
+
+
+def test_what_is_not_a_run_cannot_be_resumed(tmp_path: Path) -> None:
+    done = tmc("resume", str(tmp_path))
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_round_trip(tmp_path: Path) -> None:
+    checkpoint().write(tmp_path)
+    again = Checkpoint.read(tmp_path)
+    assert again.facts == {"number": 1.0}
+    state, previous = again.values_at(checkpoint().labels_nz[::-1])
+    np.testing.assert_array_equal(state, checkpoint().state_ni[::-1])
+    np.testing.assert_array_equal(previous, 0.5 * state)
+
+
+def test_nodes_of_another_mesh_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="another mesh"):
+        checkpoint().values_at(np.array([[0.25, 0.0, 0.0]]))
+
+
+@pytest.mark.parametrize("damage", ["cut", "flip", "foreign"])
+def test_a_damaged_checkpoint_is_passed_over_for_the_one_before(damage: str, tmp_path: Path) -> None:
+    checkpoint(1.0).write(tmp_path)
+    checkpoint(2.0).write(tmp_path)
+    path = tmp_path / CHECKPOINT
+    content = bytearray(path.read_bytes())
+    if damage == "cut":
+        path.write_bytes(content[: len(content) // 2])
+    elif damage == "flip":
+        position = content.find(np.float64(2.5).tobytes())  # a value of the state
+        assert position > 0
+        content[position + 6] ^= 1
+        path.write_bytes(content)
+    else:
+        path.write_text("something else")
+    assert Checkpoint.read(tmp_path).facts == {"number": 1.0}
+
+
+def test_no_good_checkpoint_is_said(tmp_path: Path) -> None:
+    checkpoint().write(tmp_path)
+    (tmp_path / CHECKPOINT).write_text("torn")
+    with pytest.raises(InputError, match=f"{CHECKPOINT} is damaged.*no {BEFORE}"):
+        Checkpoint.read(tmp_path)
+
+
+def test_full_disk_leaves_the_last_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    checkpoint(1.0).write(tmp_path)
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(TmcError, match="No space left on device"):
+        checkpoint(2.0).write(tmp_path)
+    assert Checkpoint.read(tmp_path).facts == {"number": 1.0}
+    assert sorted(p.name for p in tmp_path.iterdir()) == [CHECKPOINT]

@@ -1,0 +1,60 @@
+"""``tmc-vem resume``: go on with a run that was stopped."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tmc_vem.cli.run import RESUME, run_group
+from tmc_vem.errors import InputError
+from tmc_vem.results import COMMAND
+
+
+@click.command("resume")
+@click.argument("directory", type=click.Path(path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="Print result.json on stdout, and nothing else.")
+@click.option("--quiet", is_flag=True, help="No progress display and no summary.")
+@click.pass_context
+def resume(ctx: click.Context, directory: Path, as_json: bool, quiet: bool) -> None:
+    """Go on with a run from its last checkpoint.
+
+    DIRECTORY is the run directory of a run that was interrupted, killed, or stopped before the full load. The result is
+    that of an uninterrupted run, and the number of ranks may be another:
+
+    \b
+      mpirun -n 2 tmc-vem resume runs/box
+    """
+    name, parameters = read_command(directory)
+    command = run_group.commands.get(name)
+    if command is None or command.callback is None:
+        raise InputError(f"{directory / COMMAND} asks for the problem '{name}', which does not exist")
+    parameters |= {"out": directory, "as_json": as_json, "quiet": quiet}
+    known = {parameter.name for parameter in command.params}
+    unknown = sorted(set(parameters) - known)
+    if unknown:
+        raise InputError(f"{directory / COMMAND} has the unknown option '{unknown[0]}'")
+    ctx.meta[RESUME] = True
+    ctx.invoke(command, **parameters)
+
+
+def read_command(directory: Path) -> tuple[str, dict[str, Any]]:
+    """Problem and options that a run directory was made with.
+
+    Raises:
+        InputError: it is not a run directory of the command line.
+    """
+    path = directory / COMMAND
+    try:
+        data = json.loads(path.read_text())
+        parameters = {key: tuple(v) if isinstance(v, list) else v for key, v in data["options"].items()}
+        return str(data["problem"]), parameters
+    except OSError as error:
+        raise InputError(
+            f"{directory} cannot be resumed: {error.strerror} ({path}); "
+            "a run from Python goes on with run(..., resume=True)"
+        ) from None
+    except (ValueError, KeyError, AttributeError, TypeError) as error:
+        raise InputError(f"{path} is damaged ({error}): start the run anew") from None

@@ -1,0 +1,25 @@
+"""Who hears about a run while it goes on."""
+
+from __future__ import annotations
+
+from tmc_vem.problems.base import Problem
+from tmc_vem.results import RunResult, StepRecord
+
+
+class Monitor:
+    """Hears about a run as it goes on; the command line's progress display is one. All methods may be overridden."""
+
+    def started(self, problem: Problem, n_cells: int, n_dofs: int) -> None:
+        """The system is set up."""
+
+    def iterated(self, iteration: int, residual: float) -> None:
+        """A Newton iteration is done, counted from the start of the run."""
+
+    def stepped(self, record: StepRecord) -> None:
+        """A load step has converged."""
+
+    def aborted(self) -> None:
+        """The run stops with an error."""
+
+    def finished(self, result: RunResult) -> None:
+        """The run is over."""

@@ -1,0 +1,194 @@
+"""What a run leaves behind while it goes on: history, fields, checkpoints, and the result at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.checkpoint import Checkpoint
+from tmc_vem.constraints import Gap
+from tmc_vem.errors import TmcError
+from tmc_vem.monitor import Monitor
+from tmc_vem.output import SnapshotWriter, gather_fields
+from tmc_vem.problems.base import Problem
+from tmc_vem.provenance import versions
+from tmc_vem.results import PICTURE, RunDirectory, RunResult, StepRecord
+from tmc_vem.solve.stepping import Position, Step, SteppingResult
+from tmc_vem.timing import Timer
+
+Float = NDArray[np.float64]
+
+
+class Recorder:
+    """Records converged load steps.
+
+    Args:
+        problem: what is solved.
+        system: its discretisation.
+        inputs: parameters of problem and method, for result.json and to recognise a checkpoint.
+        directory: where to write, or None.
+        snapshots: number of load steps that are written as fields.
+        checkpoint_every: converged steps between checkpoints; 0 for none.
+        monitor: hears about steps.
+        timer: phases of the run.
+    """
+
+    def __init__(
+        self, problem: Problem, system: Any, inputs: Mapping[str, Any], directory: RunDirectory | None, snapshots: int,
+        checkpoint_every: int, monitor: Monitor, timer: Timer,
+    ) -> None:  # fmt: skip
+        self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
+        self.monitor, self.timer = monitor, timer
+        self.history: list[StepRecord] = []
+        self._every = checkpoint_every if directory is not None else 0
+        self._on_root = system.comm.rank == 0
+        self._seconds_before = 0.0
+        self._gap: Gap | None = problem.gap()
+        self._gap_points: Float | None = None
+        if self._gap is not None:
+            self._gap_points = system.point_coordinates((self._gap.first, self._gap.second))
+        self._snapshots: SnapshotWriter | None = None
+        if directory is not None and snapshots:
+            loads = tuple((n + 1) / snapshots for n in range(snapshots))
+            self._snapshots = SnapshotWriter(system, directory.path, loads)
+
+    def record(self, step: Step, u: Any, previous: Any, position: Position, residual: Any) -> None:
+        """Record a converged step; called on all ranks."""
+        load = self.problem.load()
+        regions = step.newton.evaluation.regions
+        with self.timer("output"):
+            record = StepRecord(
+                step=step.number,
+                load=step.load,
+                displacement=step.load * load.value,
+                gap=self._distance(u),
+                reaction=self.system.reaction(residual, load.where, load.component),
+                iterations=len(step.newton.iterations),
+                cut_backs=step.cut_backs,
+                wasted_iterations=step.wasted_iterations,
+                min_j={name: values.min_j for name, values in regions.items()},
+                energy={name: values.energy for name, values in regions.items()},
+                negative_pivots=step.newton.negative_pivots,
+                jumped=step.jumped,
+                seconds=self._seconds_before + self.timer.report()["total"],
+            )
+            self.history.append(record)
+            if self.directory is not None and self._on_root:
+                self.directory.add_step(record)
+            if self._snapshots is not None:
+                self._snapshots.offer(step.number, step.load, u)
+            if self._every and step.number % self._every == 0:
+                self._write_checkpoint(u, previous, position)
+        self.monitor.stepped(record)
+
+    def restore(self, u: Any, previous: Any) -> Position:
+        """Go on from the last checkpoint of the run directory: fill ``u`` and ``previous``.
+
+        Raises:
+            InputError: there is no good checkpoint, or it belongs to other inputs or another mesh.
+        """
+        assert self.directory is not None
+        checkpoint = Checkpoint.read(self.directory.path)
+        facts = checkpoint.facts
+        _same_inputs(facts["inputs"], self.inputs)
+        state, before = checkpoint.values_at(self.system.node_labels())
+        u.getArray()[:] = state.ravel()
+        previous.getArray()[:] = before.ravel()
+        self.history = [StepRecord(**entry) for entry in facts["history"]]
+        self._seconds_before = self.history[-1].seconds if self.history else 0.0
+        if self._on_root:
+            self.directory.rewrite_history(self.history)
+        if self._snapshots is not None:
+            self._snapshots.restore(facts["snapshots"])
+        return Position(**facts["position"])
+
+    def finish(self, outcome: SteppingResult, u: Any) -> RunResult:
+        """Draw the last state and write result.json."""
+        if self.directory is not None:
+            with self.timer("output"):
+                fields = gather_fields(self.system, u)
+                if fields is not None:
+                    from tmc_vem.report.figures import draw_deformed
+
+                    draw_deformed(fields, self.directory.path / PICTURE, title=self._title())
+        history = self.history
+        result = RunResult(
+            inputs=self.inputs,
+            versions=versions(self.system.comm.size),
+            complete=outcome.complete,
+            reason=outcome.reason,
+            load=outcome.load,
+            n_cells=self.system.n_cells_global,
+            n_dofs=self.system.n_dofs,
+            newton_iterations=sum(r.iterations + r.wasted_iterations for r in history) + outcome.failed_iterations,
+            cut_backs=sum(r.cut_backs for r in history) + outcome.failed_attempts,
+            projection_degrees={str(degree): count for degree, count in self.system.projection_degrees().items()},
+            seconds=self.timer.report(),
+            history=history,
+            directory=None if self.directory is None else self.directory.path,
+        )
+        if self.directory is not None and self._on_root:
+            self.directory.write_result(result)
+        return replace(result)
+
+    def _write_checkpoint(self, u: Any, previous: Any, position: Position) -> None:
+        parts = self.system.comm.gather(
+            (self.system.node_labels(), _nodal(u), _nodal(previous)),
+        )
+        error: TmcError | None = None
+        if parts is not None:
+            assert self.directory is not None
+            facts = {
+                "inputs": self.inputs,
+                "position": asdict(position),
+                "history": [asdict(record) for record in self.history],
+                "snapshots": self._snapshots.entries if self._snapshots else [],
+            }
+            labels, state, before = (np.concatenate([part[n] for part in parts]) for n in range(3))
+            try:
+                Checkpoint(facts, labels, state, before).write(self.directory.path)
+            except TmcError as raised:
+                error = raised
+        error = self.system.comm.bcast(error)
+        if error is not None:
+            raise error
+
+    def _distance(self, u: Any) -> float | None:
+        if self._gap is None:
+            return None
+        first, second = self._gap_points + self.system.point_displacements(u, (self._gap.first, self._gap.second))
+        return float(np.hypot(*(first - second)))
+
+    def _title(self) -> str:
+        if not self.history:
+            return f"{self.problem.name}, undeformed"
+        last = self.history[-1]
+        gap = "" if last.gap is None else f", gap {last.gap:.4g}"
+        return f"{self.problem.name} at {self.problem.load().where} displacement {last.displacement:g}{gap}"
+
+
+def _nodal(vector: Any) -> Float:
+    values: Float = vector.getArray(readonly=True).reshape(-1, 2).copy()
+    return values
+
+
+def _same_inputs(before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+    """Check that a checkpoint was made with the same inputs.
+
+    Raises:
+        InputError: one differs; the message names it.
+    """
+    import json
+
+    from tmc_vem.errors import InputError
+
+    plain = json.loads(json.dumps(now))
+    for name in sorted({*before, *plain}):
+        if before.get(name) != plain.get(name):
+            raise InputError(
+                f"the checkpoint was made with {name} = {before.get(name)}, not {plain.get(name)}: start anew"
+            )
