@@ -23,6 +23,12 @@ _PREAMBLE = """\
 #include <stdlib.h>
 #include <string.h>
 
+#if defined(__GNUC__) && !defined(__clang__)
+#define LANES_ARE_INDEPENDENT _Pragma("GCC ivdep")
+#else
+#define LANES_ARE_INDEPENDENT
+#endif
+
 /* glibc's libmvec has vector forms of these; declaring them lets the compiler vectorise the point kernels without
  * -ffast-math, so that NaN and infinity stay visible. */
 #if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__) && defined(TMC_USE_LIBMVEC)
@@ -112,7 +118,7 @@ def _point_kernel(derived: DerivedEnergy, schedule: Schedule) -> str:
     ]
     if not any(str(parameter_symbol(name)) in used for name in derived.parameters):
         head.append("  (void)p;")
-    head += ["#pragma GCC ivdep", "  for (int v = 0; v < LANES; ++v) {"]
+    head += ["  LANES_ARE_INDEPENDENT", "  for (int v = 0; v < LANES; ++v) {"]
 
     body = [*_inputs(used), *_jacobian_functions(used)]
     body += [f"const double {a.target} = {c_expression(a.value)};" for a in schedule.temporaries]

@@ -9,7 +9,7 @@ static void point_energy(const double (*restrict x)[LANES], const double *restri
   const double p_gamma = p[1];
   const double p_alpha_r = p[2];
   const double p_beta = p[3];
-#pragma GCC ivdep
+  LANES_ARE_INDEPENDENT
   for (int v = 0; v < LANES; ++v) {
     const double H11 = x[0][v];
     const double F21 = x[1][v];
@@ -42,7 +42,7 @@ static void point_gradient(const double (*restrict x)[LANES], const double *rest
   const double p_gamma = p[1];
   const double p_alpha_r = p[2];
   const double p_beta = p[3];
-#pragma GCC ivdep
+  LANES_ARE_INDEPENDENT
   for (int v = 0; v < LANES; ++v) {
     const double H11 = x[0][v];
     const double F11 = 1.0 + H11;
@@ -103,7 +103,7 @@ static void point_tangent(const double (*restrict x)[LANES], const double *restr
   const double p_gamma = p[1];
   const double p_alpha_r = p[2];
   const double p_beta = p[3];
-#pragma GCC ivdep
+  LANES_ARE_INDEPENDENT
   for (int v = 0; v < LANES; ++v) {
     const double H11 = x[0][v];
     const double F11 = 1.0 + H11;

@@ -8,7 +8,7 @@ static void point_energy(const double (*restrict x)[LANES], const double *restri
   const double p_mu = p[0];
   const double p_gamma = p[1];
   const double p_alpha_r = p[2];
-#pragma GCC ivdep
+  LANES_ARE_INDEPENDENT
   for (int v = 0; v < LANES; ++v) {
     const double H11 = x[0][v];
     const double F11 = 1.0 + H11;
@@ -45,7 +45,7 @@ static void point_gradient(const double (*restrict x)[LANES], const double *rest
   const double p_mu = p[0];
   const double p_gamma = p[1];
   const double p_alpha_r = p[2];
-#pragma GCC ivdep
+  LANES_ARE_INDEPENDENT
   for (int v = 0; v < LANES; ++v) {
     const double H11 = x[0][v];
     const double F11 = 1.0 + H11;
@@ -129,7 +129,7 @@ static void point_tangent(const double (*restrict x)[LANES], const double *restr
   const double p_mu = p[0];
   const double p_gamma = p[1];
   const double p_alpha_r = p[2];
-#pragma GCC ivdep
+  LANES_ARE_INDEPENDENT
   for (int v = 0; v < LANES; ++v) {
     const double H11 = x[0][v];
     const double F11 = 1.0 + H11;

@@ -7,7 +7,7 @@
 static void point_energy(const double (*restrict x)[LANES], const double *restrict p, double *restrict psi) {
   const double p_K = p[0];
   const double p_mu = p[1];
-#pragma GCC ivdep
+  LANES_ARE_INDEPENDENT
   for (int v = 0; v < LANES; ++v) {
     const double H11 = x[0][v];
     const double F21 = x[1][v];
@@ -30,7 +30,7 @@ static void point_energy(const double (*restrict x)[LANES], const double *restri
 static void point_gradient(const double (*restrict x)[LANES], const double *restrict p, double *restrict psi, double (*restrict g)[LANES]) {
   const double p_K = p[0];
   const double p_mu = p[1];
-#pragma GCC ivdep
+  LANES_ARE_INDEPENDENT
   for (int v = 0; v < LANES; ++v) {
     const double H11 = x[0][v];
     const double F11 = 1.0 + H11;
@@ -69,7 +69,7 @@ static void point_gradient(const double (*restrict x)[LANES], const double *rest
 static void point_tangent(const double (*restrict x)[LANES], const double *restrict p, double *restrict psi, double (*restrict g)[LANES], double (*restrict h)[LANES]) {
   const double p_K = p[0];
   const double p_mu = p[1];
-#pragma GCC ivdep
+  LANES_ARE_INDEPENDENT
   for (int v = 0; v < LANES; ++v) {
     const double H11 = x[0][v];
     const double F11 = 1.0 + H11;

@@ -37,8 +37,15 @@ def near_identity(size: float, n: int) -> np.ndarray:
     return size * x / np.linalg.norm(x[:, :4], axis=1, keepdims=True)
 
 
-def extreme(j: float, rotation: float, n: int) -> np.ndarray:
-    return sample(Regime("", j, j, rotation, 3.0), n, np.random.default_rng(37), 90.0 if rotation < 90.0 else 180.0)
+def extreme(j: float, rotation: float, n: int, stretch_ratio: float = 3.0) -> np.ndarray:
+    regime = Regime("", j, j, rotation, stretch_ratio)
+    return sample(regime, n, np.random.default_rng(37), 90.0 if rotation < 90.0 else 180.0)
+
+
+def nearly_singular(j: float, n: int) -> np.ndarray:
+    """H with det(I + H) of about j, although 1 + H is rounded and all components are of order one."""
+    h11, h22, h12 = np.random.default_rng(41).uniform([[-0.5], [-0.5], [0.5]], [[3.0], [3.0], [2.0]], (3, n))
+    return np.stack([h11, ((1 + h11) * (1 + h22) - j) / h12, h12, h22], axis=1)
 
 
 STATES = {
@@ -49,6 +56,7 @@ STATES = {
     "H=0.06": near_identity(0.06, 3),  # the series of the remainders end at |J - 1| = 1/16 and |log J| = 3/16
     "H=0.2": near_identity(0.2, 3),
     "J=1e-6": extreme(1e-6, 60.0, 3),
+    "J=1e-6, flat": extreme(1e-6, 60.0, 3, stretch_ratio=1e6),  # F is not small, its determinant cancels
     "J=1e-3": extreme(1e-3, 60.0, 2),
     "J=3": extreme(3.0, 60.0, 2),
 }
@@ -129,10 +137,11 @@ def arithmetic(request, tmp_path_factory):
 
 
 def test_jacobian_where_its_products_cancel(arithmetic):
-    for x in np.concatenate([extreme(j, 170.0, 40) for j in (1e-3, 1e-6, 1e-9)]):
-        h11, h21, h12, h22 = (mpmath.mpf(float(v)) for v in x[:4])
+    small = [extreme(j, 170.0, 40)[:, :4] for j in (1e-3, 1e-6, 1e-9)]
+    for x in np.concatenate(small + [nearly_singular(j, 40) for j in (1e-3, 1e-6, 1e-9)]):
+        h11, h21, h12, h22 = (mpmath.mpf(float(v)) for v in x)
         exact = (1 + h11) * (1 + h22) - h12 * h21
-        found = arithmetic.jacobian(*x[:4])
+        found = arithmetic.jacobian(*x)
         assert abs(found - exact) < 1e-14 * abs(exact)
 
 

@@ -192,18 +192,24 @@ def test_warnings_are_errors(cache):
         build.compile_library("void f(void) { int unused; }\n", cache / "mine.so")
 
 
-def test_a_cached_start_needs_neither_sympy_nor_cffi_and_takes_50_ms(cache):
-    code = (
-        "import time, numpy; start = time.perf_counter(); import sys;"
-        "from codegen.kernel import compile_energy; from tmc_vem.energy import DENSITIES as D;"
-        "e = D['medium_angle_damped']; compile_energy(e.density, e.name, e.parameters, e.description);"
-        "print(time.perf_counter() - start, 'sympy' in sys.modules, 'cffi' in sys.modules)"
-    )
-    environment = {key: value for key, value in os.environ.items() if key != build.CACHE_VARIABLE}
-    run = [sys.executable, "-c", code]
-    _, *repeats = (
-        subprocess.run(run, env=environment, capture_output=True, text=True, check=True).stdout.split()
-        for _ in range(6)
+# Time of the processor, the compiler's included: other programs may be using the machine.
+TIME_TO_KERNEL = """
+import os, numpy
+start = sum(os.times()[:4])
+import sys
+from codegen.kernel import compile_energy
+from tmc_vem.energy import DENSITIES
+energy = DENSITIES["medium_angle_damped"]
+compile_energy(energy.density, energy.name, energy.parameters, energy.description)
+print(sum(os.times()[:4]) - start, "sympy" in sys.modules, "cffi" in sys.modules)
+"""
+
+
+def test_the_dearest_kernel_takes_4_s_the_first_time_and_50_ms_later(cache):
+    run = [sys.executable, "-c", TIME_TO_KERNEL]
+    first, *later = (
+        subprocess.run(run, capture_output=True, text=True, check=True).stdout.split() for _ in range(6)
     )  # fmt: skip
-    assert {tuple(words[1:]) for words in repeats} == {("False", "False")}
-    assert min(float(words[0]) for words in repeats) < 0.05
+    assert float(first[0]) < 4.0
+    assert {tuple(words[1:]) for words in later} == {("False", "False")}
+    assert min(float(words[0]) for words in later) < 0.05

@@ -41,17 +41,17 @@ def _directory(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+def runner() -> CliRunner:
+    try:
+        return CliRunner(mix_stderr=False)
+    except TypeError:  # since click 8.2 the two are always apart
+        return CliRunner()
+
+
 def run(*arguments: str) -> Result:
-    result = CliRunner(mix_stderr=False).invoke(main, arguments) if _CLICK_7 else CliRunner().invoke(main, arguments)
+    result = runner().invoke(main, arguments)
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
     return result
-
-
-try:
-    CliRunner(mix_stderr=False)
-    _CLICK_7 = True
-except TypeError:  # click 8.2 always keeps the two apart
-    _CLICK_7 = False
 
 
 def test_writes_a_kernel_with_its_provenance(tmp_path):
