@@ -106,19 +106,21 @@ class Kernel:
             batch: projectors and weights.
             u_cai: (n_cells, n_basis, 2) displacement degrees of freedom.
             parameters: from :meth:`parameter_array`.
-            tangent_out: where to write the tangents, or None for a new array.
+            tangent_out: where to write the tangents, C-contiguous, or None for a new array.
+
+        Raises:
+            ValueError: an array has a wrong shape or is not C-contiguous.
+            MemoryError: the work space of a cell could not be allocated.
         """
         n_cells, n_basis = batch.n_cells, batch.n_basis
-        u_cai = np.ascontiguousarray(u_cai, dtype=np.float64)
-        if u_cai.shape != (n_cells, n_basis, 2):
-            raise ValueError(f"u_cai has shape {u_cai.shape}, expected {(n_cells, n_basis, 2)}")
+        u_cai = _dofs("u_cai", u_cai, batch)
         self._check_parameters(parameters)
         energy_c, min_j_c = np.empty(n_cells), np.empty(n_cells)
         residual = np.empty((n_cells, n_basis, 2)) if level >= GRADIENT else None
         tangent = None
         if level >= TANGENT:
             shape = (n_cells, n_basis, 2, n_basis, 2)
-            tangent = np.empty(shape) if tangent_out is None else tangent_out.reshape(shape)
+            tangent = np.empty(shape) if tangent_out is None else _contiguous(tangent_out).reshape(shape)
         _, n_points, _, stride = batch.B_sqra.shape
         status = self._lib.tmc_cells(
             level, n_cells, n_basis, stride, n_points, _address(batch.shape_c), _address(batch.B_sqra),
@@ -130,9 +132,12 @@ class Kernel:
         return CellValues(energy_c, min_j_c, residual, tangent, None if status < 0 else int(status))
 
     def max_step(self, batch: CellBatch, u_cai: Array, du_cai: Array) -> Array:
-        """Largest s of each cell, (n_cells,), with J(u + t du) > 0 at all its points for t < s; may be infinite."""
-        u_cai = np.ascontiguousarray(u_cai, dtype=np.float64)
-        du_cai = np.ascontiguousarray(du_cai, dtype=np.float64)
+        """Largest s of each cell, (n_cells,), with J(u + t du) > 0 at all its points for t < s; may be infinite.
+
+        Raises:
+            ValueError: an array has a wrong shape or is not C-contiguous.
+        """
+        u_cai, du_cai = _dofs("u_cai", u_cai, batch), _dofs("du_cai", du_cai, batch)
         step_c = np.empty(batch.n_cells)
         _, n_points, _, stride = batch.B_sqra.shape
         self._lib.tmc_max_step(
@@ -151,6 +156,9 @@ class Kernel:
 
         Returns:
             ``psi_n`` (n_states,), ``g_nx`` (n_states, 12) and ``h_nxy`` (n_states, 12, 12), None beyond the level.
+
+        Raises:
+            ValueError: an array has a wrong shape.
         """
         x_nx = np.ascontiguousarray(x_nx, dtype=np.float64).reshape(-1, N_X)
         self._check_parameters(parameters)
@@ -172,6 +180,13 @@ class Kernel:
 
 def _address(array: NDArray[Any] | None) -> int | None:
     return None if array is None else _contiguous(array).ctypes.data
+
+
+def _dofs(name: str, u_cai: Array, batch: CellBatch) -> Array:
+    expected = (batch.n_cells, batch.n_basis, 2)
+    if np.shape(u_cai) != expected:
+        raise ValueError(f"{name} has shape {np.shape(u_cai)}, expected {expected}")
+    return np.ascontiguousarray(u_cai, dtype=np.float64)
 
 
 def _contiguous(array: NDArray[Any]) -> NDArray[Any]:

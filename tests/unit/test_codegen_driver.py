@@ -157,6 +157,10 @@ def test_arrays_of_the_wrong_shape_are_refused():
     parameters = kernel.parameter_array(PARAMETERS)
     with pytest.raises(ValueError, match=r"u_cai has shape \(1, 2, 2\), expected \(2, 2, 2\)"):
         kernel.cells(ENERGY, batch, u[:1], parameters)
+    with pytest.raises(ValueError, match=r"du_cai has shape \(1, 2, 2\), expected \(2, 2, 2\)"):
+        kernel.max_step(batch, u, u[:1])
+    with pytest.raises(ValueError, match="kernels take C-contiguous arrays only"):
+        kernel.cells(TANGENT, batch, u, parameters, np.empty((4, 4, 2)).transpose(2, 0, 1))
     with pytest.raises(ValueError, match=r"2 parameters expected \(K, mu\), got 1"):
         kernel.cells(ENERGY, batch, u, parameters[:1])
     with pytest.raises(ValueError, match=r"2 parameters expected \(K, mu\), got 3"):

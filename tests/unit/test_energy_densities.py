@@ -9,7 +9,7 @@ import pytest
 
 from codegen.centre import X_SYMBOLS, J
 from codegen.derive import parameter_symbol, to_sympy
-from codegen.oracle import components, energy_density
+from codegen.oracle import components, energy_density, numpy_namespace
 from codegen.states import REGIMES, from_vector, rotate, sample
 from codegen.trace import trace
 from tmc_vem.energy import (
@@ -21,7 +21,6 @@ from tmc_vem.energy import (
     hyperelastic_solid,
     third_medium,
 )
-from tmc_vem.energy.namespaces import numpy_namespace, ufl_namespace
 from tmc_vem.errors import InputError
 
 PARAMETERS = {"K": 20.0, "mu": 10.0, "gamma": 1e-3, "alpha_r": 0.7, "beta": 5.0}
@@ -130,6 +129,8 @@ def test_sympy_through_the_trace_agrees_with_numpy(name, states):
 @pytest.mark.parametrize("name", DENSITIES)
 def test_ufl_agrees_with_numpy(name, states):
     ufl = pytest.importorskip("ufl")
+    from tmc_vem.fem.maths import ufl_namespace
+
     density = DENSITIES[name].density
     for x in states[::12]:
         F, G = floats(x)
