@@ -63,7 +63,7 @@ def repair(mesh: PolygonMesh) -> PolygonMesh:
     that lie on the sides of other cells inserted there as hanging nodes.
 
     Raises:
-        InputError: something else is wrong; the message names the cell.
+        InputError: something else is wrong, such as an overlap; the message names the cell.
     """
     from scipy.spatial import cKDTree
 
@@ -96,7 +96,11 @@ def repair(mesh: PolygonMesh) -> PolygonMesh:
         {name: int(number[label[v]]) for name, v in mesh.named_points.items() if number[label[v]] >= 0},
         {name: number[label[pairs]] for name, pairs in mesh.named_edges.items()},
     )
-    return weld([clean])
+    mesh = weld([clean])
+    left = find_faults(mesh)
+    if left:
+        raise InputError(f"{left[0].message} ({len(left)} faults that cannot be repaired)")
+    return mesh
 
 
 def _tolerance(mesh: PolygonMesh) -> float:

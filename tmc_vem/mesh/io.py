@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
+from tmc_vem.mesh.check import find_faults
 from tmc_vem.mesh.polygon import PolygonMesh
 
 Float = NDArray[np.float64]
@@ -77,8 +78,15 @@ def read_mesh(path: str | Path, *, validate: bool = True) -> PolygonMesh:
     kind = _format(path)
     if not path.is_file():
         raise InputError(f"mesh file {path} does not exist")
-    if kind == ".obj":
-        return _read_obj(path, validate)
+    mesh = _read_obj(path, validate) if kind == ".obj" else _read_with_meshio(path, kind, validate)
+    faults = find_faults(mesh) if validate else []
+    if faults:
+        more = f" ({len(faults)} faults; 'tmc-vem mesh check' lists them)" if len(faults) > 1 else ""
+        raise InputError(f"{path}: {faults[0].message}{more}")
+    return mesh
+
+
+def _read_with_meshio(path: Path, kind: str, validate: bool) -> PolygonMesh:
     import contextlib
     import io
 

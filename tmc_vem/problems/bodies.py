@@ -126,9 +126,7 @@ class Bodies:
         for name, places in flat.items():
             if not places:
                 continue
-            pieces = [
-                with_names(mesh, lines={"side": ((x - r, y), (x + r, y))}).named_edges["side"] for x, y in places
-            ]
+            pieces = [with_names(mesh, lines={"side": ((x - r, y), (x + r, y))}).named_edges["side"] for x, y in places]
             edges[name] = np.concatenate(pieces)
         return PolygonMesh(
             mesh.points_vx, mesh.cell_offsets, mesh.cell_vertices, mesh.region_c, mesh.region_names,
