@@ -98,7 +98,9 @@ def _run(arguments: list[str] | None) -> int:
 
 def _report(message: str, code: int) -> int:
     if _rank() == 0:
-        click.echo(f"tmc-vem: {message}", err=True)
+        # what a user typed may hold line breaks and worse
+        line = "".join(ch if ch.isprintable() else repr(ch)[1:-1] for ch in message)
+        click.echo(f"tmc-vem: {line}", err=True)
     return code
 
 
