@@ -1,0 +1,161 @@
+"""Compare virtual and finite elements on several meshes: which runs there are, and the report made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tmc_vem.batch import Job, Observer, Outcome, run_batch
+from tmc_vem.errors import InputError
+from tmc_vem.fem.richardson import extrapolate
+from tmc_vem.paper.values import table2
+from tmc_vem.problems import Box, Medium
+from tmc_vem.problems.base import Problem
+from tmc_vem.report.comparison import Comparison, Converged, Method, comparison_page
+from tmc_vem.report.page import Picture, picture
+from tmc_vem.report.problem_figure import draw_meshes, draw_problem
+from tmc_vem.report.tables import full_gap, runs_csv
+from tmc_vem.report.write import write_page
+from tmc_vem.results import RunResult, write_atomically
+from tmc_vem.simulation import RunOptions
+
+METHODS = ("vem", "fem")
+COST = {"vem": 1.0, "fem": 2.0}
+
+
+@dataclass(frozen=True)
+class Level:
+    """Mesh of a study.
+
+    Attributes:
+        name: for tables.
+        size: mesh size relative to the others.
+        problems: the problem with this mesh, by method.
+    """
+
+    name: str
+    size: float
+    problems: Mapping[str, Problem]
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is compared.
+
+    Attributes:
+        title: of the report.
+        levels: meshes from coarse to fine.
+        options: of the runs, by method.
+        paper: values of the paper for these parameters.
+    """
+
+    title: str
+    levels: Sequence[Level]
+    options: Mapping[str, RunOptions]
+    paper: Mapping[str, tuple[float | None, str]] = field(default_factory=dict)
+
+    def jobs(self) -> dict[tuple[str, str], Job]:
+        """Runs by method and mesh."""
+        finest = self.levels[-1].size
+        return {
+            (method, level.name): Job(
+                f"{level.problems[method].name}-{method}-{level.name.replace(' ', '')}",
+                level.problems[method],
+                options,
+                cost=COST[method] * (finest / level.size) ** 2,
+            )
+            for method, options in self.options.items()
+            for level in self.levels
+        }
+
+
+def box_study(
+    medium: Medium, uy: float, factors: Sequence[int], options: Mapping[str, RunOptions], refinement: int = 1
+) -> Study:
+    """The box with 20 n x 5 n cells for each factor n."""
+    levels = []
+    for n in factors:
+        if n < 1:
+            raise InputError(f"mesh factor {n}: use 1 for 20 x 5 cells, 2 for 40 x 10, and so on")
+        cells = (20 * n, 5 * n)
+        problem = Box(cells=cells, medium=medium, uy=uy, medium_refinement=refinement)
+        levels.append(Level(f"{cells[0]} x {cells[1]}", 1.0 / n, dict.fromkeys(METHODS, problem)))
+    paper = {}
+    cells_of_paper = table2().get((medium.alpha_r, medium.gamma))
+    if cells_of_paper and (uy, medium.beta, medium.regulariser) == (-1.0, 5.0, "huhu_lulu"):
+        names = {"fem_fine": "FEM, fine mesh", "vem_mesh1": "VEM, mesh 1", "vem_mesh2": "VEM, mesh 2",
+                 "vem_mesh3": "VEM, mesh 3"}  # fmt: skip
+        paper = {names[column]: (cells_of_paper[column].value, cells_of_paper[column].suspect) for column in names}
+    title = f"Box: VEM and FEM, gamma = {medium.gamma:g}, alpha_r = {medium.alpha_r:g}"
+    return Study(title, levels, options, paper)
+
+
+def compare(
+    study: Study, out: Path, *, command: str, processes: int = 2, observer: Observer | None = None
+) -> tuple[Path, Comparison]:
+    """Do the runs of a study that are not done yet, and write the report.
+
+    Args:
+        study: what to compare.
+        out: gets report.html, report.md, runs.csv, figures and the run directories in ``runs``.
+        command: the command line, for the report.
+        processes: runs at a time.
+        observer: hears about progress.
+
+    Returns:
+        Path of report.html and what is in it.
+
+    Raises:
+        InputError: the output directory cannot be used, or no run gave a result.
+    """
+    jobs = study.jobs()
+    outcomes = dict(zip(jobs, run_batch(list(jobs.values()), out / "runs", processes=processes, observer=observer),
+                        strict=True))  # fmt: skip
+    failures = [
+        f"{outcome.job.label} gave no result: {outcome.error}" for outcome in outcomes.values() if outcome.error
+    ]
+    if not any(outcome.result for outcome in outcomes.values()):
+        raise InputError(failures[0])
+    comparison = Comparison(
+        title=study.title,
+        command=command,
+        methods=[_method(method, study, outcomes) for method in study.options],
+        paper=study.paper,
+        pictures=_pictures(study),
+        failures=failures,
+    )
+    write_atomically(out / "runs.csv", runs_csv(comparison.runs))
+    return write_page(comparison_page(comparison), out), comparison
+
+
+def converged(sizes: Sequence[float], results: Sequence[RunResult | None]) -> Converged | None:
+    """Mesh-converged gap from the three finest meshes, if all of them reach full load."""
+    gaps = [full_gap(result) for result in results[-3:]]
+    known = [gap for gap in gaps if gap is not None]
+    if len(known) < 3:
+        return None
+    limit = extrapolate(sizes[-3:], known)
+    return Converged(limit.value, limit.uncertainty, limit.order)
+
+
+def _method(method: str, study: Study, outcomes: Mapping[tuple[str, str], Outcome]) -> Method:
+    results = {level.name: outcomes[method, level.name].result for level in study.levels}
+    limit = converged([level.size for level in study.levels], list(results.values()))
+    return Method(method.upper(), {name: result for name, result in results.items() if result}, limit)
+
+
+def _pictures(study: Study) -> list[Picture]:
+    problem = study.levels[-1].problems["vem"]
+    load = problem.load()
+    figure = draw_problem(problem.make_mesh(), problem.prescribed(), load, problem.gap())
+    pictures = [picture(figure, "problem", f"Problem '{problem.name}' with supports, load and gap.")]
+    for method in study.options:
+        meshes = [(level.name, level.problems[method].make_mesh()) for level in study.levels]
+        if method == "vem" or any(level.problems["vem"] is not level.problems[method] for level in study.levels):
+            same = all(
+                level.problems["vem"] is level.problems["fem"] for level in study.levels if "fem" in level.problems
+            )
+            whose = "both methods" if same else method.upper()
+            pictures.append(picture(draw_meshes(meshes), f"meshes-{method}", f"Meshes of {whose}.", inline="png"))
+    return pictures

@@ -1,0 +1,125 @@
+"""What a report is made of, independent of the format it is written in."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from io import BytesIO
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Entry of a table.
+
+    Attributes:
+        text: what is shown.
+        note: footnote; the same text gets the same number.
+        style: '', 'suspect', 'good' or 'bad'.
+    """
+
+    text: str
+    note: str = ""
+    style: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Table with a caption; entries are texts or :class:`Cell`."""
+
+    caption: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str | Cell]]
+    kind: str = field(default="table", init=False)
+
+    @property
+    def cells(self) -> list[list[Cell]]:
+        """Entries, all as cells."""
+        return [[cell if isinstance(cell, Cell) else Cell(cell) for cell in row] for row in self.rows]
+
+    @property
+    def notes(self) -> list[str]:
+        """Footnotes in the order of their numbers, from 1."""
+        return list(dict.fromkeys(cell.note for row in self.cells for cell in row if cell.note))
+
+    def number(self, cell: Cell) -> str:
+        """Number of a cell's footnote, or nothing."""
+        return str(self.notes.index(cell.note) + 1) if cell.note else ""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Figure in two formats.
+
+    Attributes:
+        name: file name without suffix.
+        caption: text below it.
+        svg, png: the files' contents.
+        inline: which of them stands in the page; states with thousands of cells are lighter as png.
+    """
+
+    name: str
+    caption: str
+    svg: bytes = field(repr=False)
+    png: bytes = field(repr=False)
+    inline: str = "svg"
+    kind: str = field(default="picture", init=False)
+
+    @property
+    def uri(self) -> str:
+        """The picture as a data URI."""
+        mime, data = ("image/svg+xml", self.svg) if self.inline == "svg" else ("image/png", self.png)
+        return f"data:{mime};base64,{base64.b64encode(data).decode()}"
+
+
+@dataclass(frozen=True)
+class Text:
+    """Paragraph."""
+
+    text: str
+    kind: str = field(default="text", init=False)
+
+
+@dataclass(frozen=True)
+class Warnings:
+    """List of things that a reader must know; says so if there are none."""
+
+    messages: Sequence[str]
+    kind: str = field(default="warnings", init=False)
+
+
+Block = Table | Picture | Text | Warnings
+
+
+@dataclass(frozen=True)
+class Section:
+    """Heading with what stands below it."""
+
+    title: str
+    blocks: Sequence[Block]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A report."""
+
+    title: str
+    lead: str
+    sections: Sequence[Section]
+
+    @property
+    def pictures(self) -> list[Picture]:
+        """All pictures."""
+        return [block for section in self.sections for block in section.blocks if isinstance(block, Picture)]
+
+
+def picture(figure: Any, name: str, caption: str, *, inline: str = "svg") -> Picture:
+    """Picture of a matplotlib figure; equal figures give equal files."""
+    import matplotlib
+
+    svg, png = BytesIO(), BytesIO()
+    with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
+        figure.savefig(svg, format="svg", metadata={"Date": None}, dpi=150)
+        figure.savefig(png, format="png", dpi=150)
+    return Picture(name, caption, svg.getvalue(), png.getvalue(), inline)

@@ -1,0 +1,90 @@
+"""Fields of a run directory, read back from its VTU files."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tmc_vem.errors import InputError
+from tmc_vem.fields import Fields, Polygons
+from tmc_vem.results import COLLECTION, RunResult, StepRecord
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Load step whose fields were written, one file a rank."""
+
+    load: float
+    files: tuple[Path, ...]
+
+
+def snapshots(result: RunResult) -> list[Snapshot]:
+    """Load steps of a run whose fields were written, by increasing load.
+
+    Raises:
+        InputError: the run has no fields, or they are not readable.
+    """
+    if result.directory is None:
+        raise InputError("the run was kept in memory only: it has no fields")
+    path = result.directory / COLLECTION
+    try:
+        entries = list(ElementTree.parse(path).iter("DataSet"))
+    except FileNotFoundError:
+        raise InputError(f"{result.directory} has no fields: run again with --snapshots 10") from None
+    except (OSError, ElementTree.ParseError) as error:
+        raise InputError(f"{path} is not readable: {error}") from None
+    by_load: dict[float, list[Path]] = {}
+    for entry in entries:
+        by_load.setdefault(float(entry.attrib["timestep"]), []).append(path.parent / entry.attrib["file"])
+    return [Snapshot(load, tuple(by_load[load])) for load in sorted(by_load)]
+
+
+def nearest(available: list[Snapshot], load: float) -> Snapshot:
+    """Snapshot with the load nearest to a wanted one."""
+    if not available:
+        raise InputError("no load step of the run was written")
+    return min(available, key=lambda snapshot: abs(snapshot.load - load))
+
+
+def record_of(result: RunResult, snapshot: Snapshot) -> StepRecord:
+    """Load step that belongs to a snapshot."""
+    return min(result.history, key=lambda record: abs(record.load - snapshot.load))
+
+
+def read_fields(result: RunResult, snapshot: Snapshot) -> Fields:
+    """Fields of a snapshot, of all ranks.
+
+    Raises:
+        InputError: a file is missing or not readable.
+    """
+    names = tuple(result.min_j)
+    return Fields.merge([_read(path, names) for path in snapshot.files])
+
+
+def _read(path: Path, region_names: tuple[str, ...]) -> Fields:
+    import meshio
+
+    try:
+        mesh: Any = meshio.read(path)
+    except (OSError, SystemExit, meshio.ReadError) as error:
+        raise InputError(f"{path} is not readable: {error}") from None
+    sizes = np.concatenate([np.full(len(block.data), block.data.shape[1]) for block in mesh.cells])
+    values = {name: np.concatenate(blocks) for name, blocks in mesh.cell_data.items()}
+    polygons = Polygons(
+        points_nx=np.asarray(mesh.points[:, :2], dtype=float),
+        offsets=np.concatenate([[0], np.cumsum(sizes)]),
+        connectivity=np.concatenate([np.ravel(block.data) for block in mesh.cells]).astype(np.int64),
+        region_c=values["region"].astype(np.int64),
+        region_names=region_names,
+    )
+    return Fields(
+        polygons=polygons,
+        displacement_ni=np.asarray(mesh.point_data["displacement"][:, :2], dtype=float),
+        jacobian_c=values["J"],
+        min_jacobian_c=values["min_J"],
+        energy_density_c=values["energy_density"],
+    )

@@ -1,0 +1,155 @@
+"""Tables of runs: results, effort, provenance; and runs as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from tmc_vem.report.page import Cell, Table
+from tmc_vem.results import RunResult
+
+Runs = Mapping[str, RunResult]
+
+
+def number(value: float | None, digits: int = 5) -> str:
+    """Value for a table; a dash if there is none."""
+    return "–" if value is None else f"{value:.{digits - 1}e}"
+
+
+def percent(value: float | None, digits: int = 2) -> str:
+    """Signed percentage of a fraction."""
+    return "–" if value is None else f"{100.0 * value:+.{digits}f} %"
+
+
+def relative(value: float | None, reference: float | None) -> float | None:
+    """Relative difference of a value from a reference, if there are both."""
+    return None if value is None or not reference else value / reference - 1.0
+
+
+def reached(result: RunResult) -> str:
+    """How far the load was applied."""
+    return "full load" if result.complete else f"stops at {result.load:.1%}"
+
+
+def full_gap(result: RunResult | None) -> float | None:
+    """Gap at full load; None if a run did not get there."""
+    return result.gap if result is not None and result.complete else None
+
+
+def effort(runs: Runs) -> Table:
+    """Size, steps, iterations and times of runs."""
+    rows: list[list[str | Cell]] = [
+        [
+            name,
+            str(run.n_cells),
+            str(run.n_dofs),
+            Cell(reached(run), style="" if run.complete else "bad"),
+            str(run.steps),
+            str(run.newton_iterations),
+            str(run.cut_backs),
+            f"{run.seconds['total']:.1f}",
+            f"{run.seconds.get('assembly', 0.0):.1f}",
+            f"{run.seconds.get('linear solve', 0.0):.1f}",
+        ]
+        for name, run in runs.items()
+    ]
+    head = ("run", "cells", "dofs", "load", "steps", "Newton iterations", "cut-backs", "time (s)", "assembly (s)",
+            "linear solves (s)")  # fmt: skip
+    return Table(
+        "Effort. Times are wall times and include compilation where a kernel was not in the cache.", head, rows
+    )
+
+
+def final_state(runs: Runs) -> Table:
+    """Gap, reaction, smallest J and energies at the last converged step."""
+    regions = list(dict.fromkeys(name for run in runs.values() for name in run.min_j))
+    head = ["run", "gap", "reaction", *(f"smallest J, {r}" for r in regions), *(f"energy, {r}" for r in regions)]
+    rows = []
+    for name, run in runs.items():
+        energies = run.last.energy if run.last else {}
+        rows.append(
+            [
+                name if run.complete else f"{name}, {reached(run)}",
+                number(run.gap),
+                number(run.reaction),
+                *(number(run.min_j.get(region), 3) for region in regions),
+                *(number(energies.get(region), 4) for region in regions),
+            ]
+        )
+    return Table("State at the last converged step.", head, rows)
+
+
+def provenance(runs: Iterable[RunResult], command: str, parameters: Mapping[str, Any]) -> list[Table]:
+    """What was run: parameters, versions, machine; all that is needed to repeat it."""
+    runs = list(runs)
+    versions: dict[str, list[str]] = {}
+    for run in runs:
+        for name, value in run.versions.items():
+            if name != "command":
+                known = versions.setdefault(name, [])
+                if str(value) not in known:
+                    known.append(str(value))
+    seconds = sum(run.seconds["total"] for run in runs)
+    return [
+        Table("Parameters", ("parameter", "value"), [[name, text] for name, text in flat(parameters)]),
+        Table(
+            "Versions and machine",
+            ("what", "value"),
+            [
+                ["command", command],
+                *([name, ", ".join(values)] for name, values in versions.items()),
+                ["time of all runs", f"{seconds:.0f} s"],
+            ],
+        ),
+    ]
+
+
+def flat(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    """Nested parameters as lines: ``medium.gamma``."""
+    lines: list[tuple[str, str]] = []
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            lines += flat(value, f"{prefix}{name}.")
+        else:
+            lines.append((prefix + name, f"{value:g}" if isinstance(value, float) else str(value)))
+    return lines
+
+
+def common(inputs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Parameters that all runs share, in the order of the first."""
+    if not inputs:
+        return {}
+    return {
+        name: value
+        for name, value in inputs[0].items()
+        if all(name in other and other[name] == value for other in inputs)
+    }
+
+
+def runs_csv(runs: Runs) -> str:
+    """A row a run: label, inputs, results and times."""
+    rows = []
+    for label, run in runs.items():
+        data = run.as_dict()
+        row: dict[str, Any] = {"run": label}
+        row |= {name: data[name] for name in ("complete", "load", "gap", "reaction", "n_cells", "n_dofs", "steps",
+                "newton_iterations", "cut_backs", "negative_pivots")}  # fmt: skip
+        for group in ("min_j", "energy", "seconds", "inputs", "versions"):
+            row |= {f"{group}.{name}": value for name, value in _leaves(data[group])}
+        row["directory"] = run.directory.name if run.directory else ""
+        rows.append(row)
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _leaves(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    leaves: list[tuple[str, Any]] = []
+    for name, value in values.items():
+        leaves += _leaves(value, f"{prefix}{name}.") if isinstance(value, Mapping) else [(prefix + name, value)]
+    return leaves
