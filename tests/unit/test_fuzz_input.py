@@ -23,13 +23,12 @@ WORDS = st.one_of(
     st.sampled_from(["vem", "fem", "huhu", "angle", "x.py:f", ":", "a:b", "none", "full", "polygons", "/", "kappa=1"]),
     st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=8),
 )
-NUMERIC = (
-    "--gamma --alpha-r --beta --uy --steps --order --l --quadrature --eta --snapshots --checkpoint-every "
-    "--refine-medium --size --stiffness --gap0 --case --discs"
-).split()
+MEDIUM = ["--gamma", "--alpha-r", "--beta"]
+GEOMETRY = ["--uy", "--refine-medium", "--size", "--stiffness", "--gap0", "--case", "--discs"]
+METHOD = ["--steps", "--order", "--l", "--quadrature", "--eta", "--snapshots", "--checkpoint-every"]
 VERBAL = ["--regulariser", "--param", "--method", "--interior-penalty", "--mesh"]
 OPTIONS = st.one_of(
-    st.tuples(st.sampled_from(NUMERIC), NUMBERS).map(list),
+    st.tuples(st.sampled_from(MEDIUM + GEOMETRY + METHOD), NUMBERS).map(list),
     st.tuples(st.sampled_from(VERBAL), WORDS).map(list),
     st.tuples(st.just("--cells"), NUMBERS, NUMBERS).map(list),
     st.sampled_from([["--triangles"], ["--json"], ["--quiet"], ["--overwrite"]]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,8 @@ class Box:
             raise InputError(f"uy = {self.uy:g} must be a finite number")
         if len(self.cells) != 2 or min(self.cells) < 1:
             raise InputError(f"cells = {self.cells}: give the number of cells in x and in y, for example 40 10")
+        if math.prod(self.cells) > MOST_CELLS:
+            raise InputError(f"cells = {self.cells} are {math.prod(self.cells):.2g} cells: at most {MOST_CELLS:g}")
         if not 1 <= self.medium_refinement <= 64:
             raise InputError(f"medium_refinement = {self.medium_refinement}: use 1 (none) to 64")
         for axis, count, extent in zip("xy", self.cells, (self.length, self.height), strict=True):
@@ -62,16 +65,10 @@ class Box:
     def _check_resolution(self, axis: str, count: int, extent: float) -> None:
         in_wall = self.wall / extent * count
         if abs(in_wall - round(in_wall)) > 1e-9 * count or round(in_wall) < 1:
-            step = extent / math.gcd(round(extent * 1e6), round(self.wall * 1e6)) * 1e6
-            unit = round(step / 1e6) if abs(step / 1e6 - round(step / 1e6)) < 1e-9 else None
-            hint = (
-                f"use a multiple of {round(extent / self.wall)}"
-                if (extent / self.wall) % 1 < 1e-9
-                else (f"use a multiple of {unit}" if unit else "choose another number")
-            )
+            unit = Fraction(self.wall / extent).limit_denominator(1000).denominator
             raise InputError(
                 f"{count} cells in {axis} do not resolve the wall: {self.wall:g} is {in_wall:g} cells of "
-                f"{extent / count:g}; {hint}"
+                f"{extent / count:g}; use a multiple of {unit}"
             )
         if axis == "x" and count % 2:
             raise InputError(
@@ -142,6 +139,7 @@ class Box:
         }
 
 
+MOST_CELLS = 5e6  # about 60 million degrees of freedom
 _DEFAULTS = {"length": 2.0, "height": 0.5, "wall": 0.1}
 
 
