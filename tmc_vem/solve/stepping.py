@@ -129,7 +129,7 @@ class LoadStepper:
                 size = 0.5 * (target - load)
                 if size >= self.options.smallest:
                     continue
-                reason = f"steps below {self.options.smallest:g} of the load fail: {result.reason}"
+                reason = self._why(result, u)
                 # the branch that was followed may have ended, at a limit point or a bifurcation
                 target = self._target(load, JUMP * self.options.smallest)
                 result = self._descend(u, trial, target)
@@ -180,6 +180,15 @@ class LoadStepper:
         u.copy(trial)
         self.solver.set_prescribed(trial, target)
         return self.solver.solve(trial, minimise=True)
+
+    def _why(self, result: NewtonResult, u: Any) -> str:
+        """Why the load cannot be increased, what was tried and what to try."""
+        worst = self.solver.system.energy(u).worst
+        return (
+            f"{result.reason}; smallest {worst}. Tried: steps down to {self.options.smallest:g} of the load, "
+            "extrapolated and tangent predictors, descent to another equilibrium. Try a larger alpha_r or gamma, or a "
+            "finer medium there"
+        )
 
     def _first_size(self) -> float:
         return 1.0 / self.options.steps if self.options.steps else self.options.first
