@@ -156,7 +156,8 @@ def _deepest(
 ) -> tuple[float, tuple[float, float] | None]:
     """Depth and place of the outline's point that lies deepest in a cell that it does not belong to.
 
-    The depth is the distance to the outline, without the part that the point itself is on: one side to either end.
+    The depth is the distance to the outline, without the part that the point itself is on: one side of its own body to
+    either end.
     """
     import shapely
 
@@ -165,14 +166,26 @@ def _deepest(
     node, cell = shapely.STRtree(cells).query(points, predicate="within")
     inside = {int(nodes[n]): n for n, c in zip(node.tolist(), cell.tolist(), strict=True) if nodes[n] not in loops[c]}
     now, before = shapely.linestrings(deformed[sides]), shapely.linestrings(reference[sides])
+    body = _bodies(loops, len(reference))
     own = samples * float(np.hypot(*(reference[sides[:, 1]] - reference[sides[:, 0]]).T).max())
     depth, place = 0.0, None
     for v, n in inside.items():
-        others = shapely.distance(shapely.points(reference[v]), before) > own
+        others = (body[sides[:, 0]] != body[v]) | (shapely.distance(shapely.points(reference[v]), before) > own)
         distance = float(shapely.distance(points[n], now[others]).min()) if others.any() else 0.0
         if distance > depth:
             depth, place = distance, (float(deformed[v, 0]), float(deformed[v, 1]))
     return depth, place
+
+
+def _bodies(loops: list[Int], n_points: int) -> Int:
+    """Number of the connected body of every point."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    start, end = np.concatenate(loops), np.concatenate([np.roll(loop, -1) for loop in loops])
+    graph = coo_array((np.ones(len(start)), (start, end)), shape=(n_points, n_points))
+    body: Int = connected_components(graph, directed=False)[1]
+    return body
 
 
 def _gaps(sides: Int, reference: Float, deformed: Float, size: float) -> Float:
