@@ -26,6 +26,8 @@ def main() -> int:
     import petsc4py
 
     petsc4py.init([sys.argv[0]])
+    from dataclasses import replace
+
     from codegen.errors import CodegenError
     from tmc_vem.errors import TmcError
     from tmc_vem.monitor import Monitor
@@ -39,6 +41,8 @@ def main() -> int:
             """A load step has converged."""
             _tell(load=record.load)
 
+    # runs of a batch are short, and begin anew when they are cut off
+    options = replace(options, checkpoint_every=0)
     try:
         run(problem, Path(directory), options, monitor=Reporter())
     except (TmcError, CodegenError) as error:

@@ -133,7 +133,7 @@ def _summary(c: Comparison) -> list[Block]:
         difference = relative(values[0], values[1]) if len(values) == 2 else None
         rows.append([label, *shown, percent(difference), paper])
 
-    reference = c.paper.get("FEM") or c.paper.get("VEM")
+    reference = next((value for name, value in c.paper.items() if name.startswith("FEM")), None)
     row("gap, finest mesh", [full_gap(run) for run in finest.values()], _paper_cell(reference))
     row("gap, converged", [m.converged.value if m.converged else None for m in c.methods], _paper_cell(reference))
     row("reaction, finest mesh", [run.reaction if run.complete else None for run in finest.values()])
