@@ -1,7 +1,7 @@
 """Studies of the finite element path on the box; prints the tables of docs/fem.md.
 
 usage: python benchmarks/fem_studies.py STUDY...
-STUDY is one of linear, eta, regulariser, quadrature, table2, convergence
+STUDY is one of linear, coercivity, eta, regulariser, quadrature, table2, convergence
 """
 
 from __future__ import annotations
@@ -199,7 +199,36 @@ def linear() -> None:
     table(head, (row(mode, triangles) for mode in ("none", "penalty", "full") for triangles in (False, True)))
 
 
-STUDIES = {study.__name__: study for study in (linear, eta, regulariser, quadrature, table2, convergence)}
+def coercivity() -> None:
+    """Negative eigenvalues of the regulariser's form alone at F = I, with 'full', on 6 x 6 cells with u = 0 around."""
+    sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "fem"))
+    from helpers_fem import CLAMPED, grid, make_system
+
+    from tmc_vem.energy import Energy
+    from tmc_vem.energy import kinematics as kin
+    from tmc_vem.problems.base import RegionEnergy
+
+    def density(F: Any, G: Any, p: Any, m: Any) -> Any:
+        return p.gamma * p.alpha_r * kin.squared_norm(kin.all_second_gradients(G)) / 2
+
+    energy = Energy("second_gradient", density, ("gamma", "alpha_r"))
+    region = RegionEnergy(energy, {"gamma": 1.0, "alpha_r": 1.0}, is_medium=True)
+
+    def negative(factor: float, triangles: bool) -> str:
+        settings = {"interior_penalty": "full", "triangles": triangles, "eta": factor}
+        system = make_system(grid(6, 6), region, CLAMPED, **settings)
+        matrix = system.create_matrix()
+        system.jacobian(system.create_vector(), matrix)
+        n = system.n_dofs
+        free = np.setdiff1d(np.arange(n), system.constrained())
+        values = np.linalg.eigvalsh(np.array(matrix.getValues(range(n), range(n)))[np.ix_(free, free)])
+        return str(int((values < -1e-9 * values[-1]).sum()))
+
+    rows = ([f"{factor:g}", negative(factor, False), negative(factor, True)] for factor in (0.5, 1.0, 1.5, 2.0, 10.0))
+    table(["eta", "Q2", "P2"], rows)
+
+
+STUDIES = {study.__name__: study for study in (linear, coercivity, eta, regulariser, quadrature, table2, convergence)}
 
 if __name__ == "__main__":
     unknown = [name for name in sys.argv[1:] if name not in STUDIES]
