@@ -97,7 +97,7 @@ def cbox(cells: tuple[int, int], solid_cells: str, refine_medium: int, out: Path
 
 @generate.command("punch")
 @click.option("--size", type=float, default=0.1, show_default=True)
-@click.option("--gap0", type=float, default=0.5, show_default=True)
+@click.option("--gap0", type=float, default=0.6, show_default=True)
 @out_option
 def punch(size: float, gap0: float, out: Path) -> None:
     """The punch problem of section 5.3."""

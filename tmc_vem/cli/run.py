@@ -143,7 +143,7 @@ def cbox(cells: tuple[int, int], solid_cells: str, refine_medium: int, uy: float
 @run_group.command("punch")
 @click.option("--size", type=float, default=0.1, show_default=True, help="Size of cells.")
 @click.option("--stiffness", type=float, default=1.0, show_default=True, help="Of the punch; the paper: 1 and 100.")
-@click.option("--gap0", type=float, default=0.5, show_default=True, help="Initial gap below the punch.")
+@click.option("--gap0", type=float, default=0.6, show_default=True, help="Initial gap below the punch.")
 @click.option("--uy", type=float, default=-1.3, show_default=True, help="Displacement of the punch's top.")
 @angle_medium_options(gamma=1e-4, alpha_r=1.0)
 @method_options

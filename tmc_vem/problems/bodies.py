@@ -173,10 +173,10 @@ class Bodies:
         }
 
     def _size(self, points: Float) -> Float:
-        """Two cells or more across each gap, the full size away from them."""
+        """Three cells or more across each gap, the full size away from them."""
         distance = np.full(len(points), np.inf)
         for x, y in self.centers():
             middle = y - math.copysign(self.radius + 0.5 * self.gap0, y)
             np.minimum(distance, np.hypot(points[:, 0] - x, points[:, 1] - middle), out=distance)
-        size: Float = np.minimum(self.size, 0.45 * self.gap0 + 0.3 * distance)
+        size: Float = np.minimum(self.size, 0.3 * self.gap0 + 0.3 * distance)
         return size

@@ -32,8 +32,8 @@ class Punch:
     Attributes:
         size: of cells; smaller ones fill the gap below the punch.
         stiffness: of the punch relative to the block: 1 or 100 in the paper.
-        gap0: initial gap below the punch. The paper gives it in a figure only. With 0.5, uy = -1.3 drives a rigid punch
-            0.8 deep into a block of height 1; with 0.3 or less it would go through the bottom.
+        gap0: initial gap below the punch. The paper gives it in a figure only. With 0.6, uy = -1.3 drives a rigid punch
+            0.7 deep into a block of height 1; with 0.3 or less it would go through the bottom.
         medium: third medium.
         material: of the block.
         uy: displacement of the punch's top at full load (downwards is negative).
@@ -42,7 +42,7 @@ class Punch:
 
     size: float = 0.1
     stiffness: float = 1.0
-    gap0: float = 0.5
+    gap0: float = 0.6
     medium: Medium = field(default_factory=lambda: angle_medium(1e-4, 1.0))
     material: Material = field(default_factory=lambda: Material(K=5.0 / 3.0, mu=5.0 / 14.0))
     uy: float = -1.3
@@ -54,7 +54,7 @@ class Punch:
         for name, hint in (
             ("size", "the size of cells, try 0.1"),
             ("stiffness", "of the punch relative to the block, 1 or 100 in the paper"),
-            ("gap0", "the medium needs room below the punch, try 0.5"),
+            ("gap0", "the medium needs room below the punch, try 0.6"),
             ("width", "the paper's block has width 2"),
             ("height", "the paper's block has height 1"),
             ("radius", "the paper's punch has radius 1"),
