@@ -16,6 +16,7 @@ COMMANDS = {
     "run": ("tmc_vem.cli.run", "run_group", "Solve a problem and write results, fields and a picture."),
     "resume": ("tmc_vem.cli.resume", "resume", "Go on with a run that was stopped."),
     "compare": ("tmc_vem.cli.compare", "compare_group", "Virtual and finite elements on several meshes, as a report."),
+    "reproduce": ("tmc_vem.cli.reproduce", "reproduce", "The paper's tables and figures beside ours."),
     "mesh": ("tmc_vem.cli.mesh", "mesh_group", "Generate, describe, check and draw polygon meshes."),
     "codegen": ("codegen.cli", "main", "Generate, show and check the kernel of your own energy."),
     "info": ("tmc_vem.cli.info", "info", "Print versions and what is available on this machine."),

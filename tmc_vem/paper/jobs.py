@@ -15,5 +15,6 @@ COST = {"vem": 1.0, "fem": 2.0}  # time of a run relative to virtual elements on
 def box_job(method: str, cells: Cells, medium: Medium, **options: Any) -> Job:
     """A run of the box up to u_y = -1."""
     cost = COST[method] * (cells[0] * cells[1] / 400.0 + 0.5) * (2.0 if medium.gamma < 1e-5 else 1.0)
-    label = f"box-{method}-{cells[0]}x{cells[1]}-{medium.regulariser}-a{medium.alpha_r:g}-g{medium.gamma:g}"
+    damping = "" if medium.beta else "-undamped"
+    label = f"box-{method}-{cells[0]}x{cells[1]}-{medium.regulariser}{damping}-a{medium.alpha_r:g}-g{medium.gamma:g}"
     return Job(label, Box(cells=cells, medium=medium), RunOptions(method=method, **options), cost)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from tmc_vem.fields import Fields
 from tmc_vem.report import cautions, plots, tables
 from tmc_vem.report.page import Block, Cell, Page, Picture, Section, Table, Text, Warnings, picture
+from tmc_vem.report.panels import draw_panels
 from tmc_vem.report.snapshots import nearest, read_fields, snapshots
-from tmc_vem.report.states import draw_states
 from tmc_vem.report.tables import full_gap, number, percent, relative
 from tmc_vem.results import RunResult
 
@@ -216,7 +216,7 @@ def _states(c: Comparison) -> list[Block]:
     if not panels:
         return [Text("No fields were written.")]
     caption = "Deformed states of the finest meshes side by side, coloured by the vertical displacement."
-    return [picture(draw_states(panels, columns=len(c.finest)), "states", caption, inline="png")]
+    return [picture(draw_panels(panels, columns=len(c.finest)), "states", caption, inline="png")]
 
 
 def _full_displacement(run: RunResult) -> float:
