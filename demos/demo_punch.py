@@ -27,7 +27,7 @@ from tmc_vem.cli.progress import ConsoleMonitor
 from tmc_vem.fields import Fields
 from tmc_vem.problems import Punch
 from tmc_vem.report.contact import check_contact
-from tmc_vem.report.states import animate, draw_states, states_of
+from tmc_vem.report.animation import animate, draw_states, states_of
 
 
 def punch_height(fields: Fields) -> float:
