@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from tmc_vem.monitor import Monitor
 from tmc_vem.output import SnapshotWriter, gather_fields
 from tmc_vem.problems.base import Problem
 from tmc_vem.provenance import versions
+from tmc_vem.report.contact import check_contact
 from tmc_vem.results import PICTURE, RunDirectory, RunResult, StepRecord
 from tmc_vem.solve.stepping import Position, Step, SteppingResult
 from tmc_vem.timing import Timer
@@ -44,6 +45,7 @@ class Recorder:
         self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
         self.monitor, self.timer = monitor, timer
         self.history: list[StepRecord] = []
+        self._order = int(inputs["order"])
         self._every = checkpoint_every if directory is not None else 0
         self._on_root = system.comm.rank == 0
         self._seconds_before = 0.0
@@ -106,15 +108,27 @@ class Recorder:
             self._snapshots.restore(facts["snapshots"])
         return Position(**facts["position"])
 
-    def finish(self, outcome: SteppingResult, u: Any) -> RunResult:
-        """Draw the last state and write result.json."""
-        if self.directory is not None:
-            with self.timer("output"):
-                fields = gather_fields(self.system, u)
-                if fields is not None:
+    def finish(self, outcome: SteppingResult, u: Any, residual: Any) -> RunResult:
+        """Check the last state, draw it and write result.json.
+
+        Args:
+            outcome: how the load stepping ended.
+            u: the last converged state.
+            residual: work vector, overwritten.
+        """
+        with self.timer("output"):
+            self.system.residual(u, residual)
+            imbalance = self._imbalance(residual)
+            fields = gather_fields(self.system, u)
+            checks = None
+            if fields is not None:
+                contact = check_contact(fields, self._order)
+                checks = {**contact.as_dict(), "summary": contact.summary(), "imbalance": imbalance}
+                if self.directory is not None:
                     from tmc_vem.report.figures import draw_deformed
 
                     draw_deformed(fields, self.directory.path / PICTURE, title=self._title())
+            checks = self.system.comm.bcast(checks)
         history = self.history
         result = RunResult(
             inputs=self.inputs,
@@ -127,13 +141,25 @@ class Recorder:
             newton_iterations=sum(r.iterations + r.wasted_iterations for r in history) + outcome.failed_iterations,
             cut_backs=sum(r.cut_backs for r in history) + outcome.failed_attempts,
             projection_degrees={str(degree): count for degree, count in self.system.projection_degrees().items()},
+            checks=checks or {},
             seconds=self.timer.report(),
             history=history,
             directory=None if self.directory is None else self.directory.path,
         )
         if self.directory is not None and self._on_root:
             self.directory.write_result(result)
-        return replace(result)
+        return result
+
+    def _imbalance(self, residual: Any) -> float:
+        """Resultant of all reactions, relative to the largest of them: 0 in equilibrium."""
+        values = residual.getArray(readonly=True)
+        held = self.system.constrained()
+        parts = self.system.comm.allgather((held % 2, values[held]))
+        component = np.concatenate([part[0] for part in parts])
+        reaction = np.concatenate([part[1] for part in parts])
+        largest = float(np.abs(reaction).max(initial=0.0))
+        resultant = np.hypot(reaction[component == 0].sum(), reaction[component == 1].sum())
+        return float(resultant) / largest if largest else 0.0
 
     def _write_checkpoint(self, u: Any, previous: Any, position: Position) -> None:
         parts = self.system.comm.gather(

@@ -101,6 +101,8 @@ class RunResult:
         n_cells, n_dofs: size of the discretisation.
         cut_backs, newton_iterations: totals; the iterations include those of failed attempts.
         projection_degrees: number of cells by degree l (VEM only).
+        checks: interpenetration, gap along contact and imbalance of the reactions at the last converged step, see
+            :class:`tmc_vem.report.contact.ContactReport`.
         seconds: wall time by phase.
         history: the load steps.
         directory: where the run was written, or None.
@@ -119,6 +121,7 @@ class RunResult:
     seconds: Mapping[str, float]
     history: Sequence[StepRecord] = field(repr=False)
     directory: Path | None = None
+    checks: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def last(self) -> StepRecord | None:
@@ -165,6 +168,7 @@ class RunResult:
             "cut_backs": self.cut_backs,
             "negative_pivots": last.negative_pivots if last else None,
             "projection_degrees": dict(self.projection_degrees),
+            "checks": dict(self.checks),
             "seconds": dict(self.seconds),
             "inputs": dict(self.inputs),
             "versions": dict(self.versions),
@@ -192,7 +196,8 @@ class RunResult:
                 )
             names = ("inputs", "versions", "complete", "reason", "load", "n_cells", "n_dofs", "newton_iterations",
                      "cut_backs", "projection_degrees", "seconds")  # fmt: skip
-            return RunResult(**{name: data[name] for name in names}, history=history, directory=path)
+            checks = data.get("checks", {})  # not in the first run directories
+            return RunResult(**{name: data[name] for name in names}, history=history, directory=path, checks=checks)
         except OSError as error:
             raise InputError(f"{path} is not a run directory: {error.strerror} ({error.filename})") from None
         except (KeyError, ValueError, TypeError) as error:

@@ -138,7 +138,7 @@ def run(
         except TmcError:
             monitor.aborted()
             raise
-    result = recorder.finish(outcome, u)
+    result = recorder.finish(outcome, u, solver.residual)
     monitor.finished(result)
     return result
 

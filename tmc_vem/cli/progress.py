@@ -83,6 +83,9 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
         rows += [(f"energy, {region}", f"{value:.6e}") for region, value in last.energy.items()]
         if last.negative_pivots:
             rows.append(("unstable", f"{last.negative_pivots} negative pivots"))
+    if result.checks:
+        rows.append(("contact", result.checks["summary"]))
+        rows.append(("imbalance", f"{result.checks['imbalance']:.1e} of the largest reaction"))
     cuts = f", {result.cut_backs} cut-backs" if result.cut_backs else ""
     rows.append(("load steps", f"{result.steps} with {result.newton_iterations} Newton iterations{cuts}"))
     if result.projection_degrees:
