@@ -28,7 +28,11 @@ def values_of(fields: Fields, quantity: str) -> Float:
 
 
 def draw_panels(
-    states: Sequence[tuple[str, Fields]], *, quantity: str = "uy", columns: int = 2, width: float = 10.0
+    states: Sequence[tuple[str, Fields]],
+    *,
+    quantity: str = "uy",
+    columns: int = 2,
+    width: float = 10.0,
 ) -> Any:
     """Figure with a panel for each state; solids in full colour and outlined, the medium pale.
 
