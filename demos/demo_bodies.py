@@ -29,8 +29,8 @@ from tmc_vem import RunOptions, run
 from tmc_vem.cli.progress import ConsoleMonitor
 from tmc_vem.fields import Fields
 from tmc_vem.problems import Bodies
-from tmc_vem.report.contact import check_contact
 from tmc_vem.report.animation import animate, draw_states, states_of
+from tmc_vem.report.contact import check_contact
 
 
 def displacement_of_discs(fields: Fields, discs: int) -> list[float]:

@@ -25,8 +25,8 @@ from rich.table import Table
 from tmc_vem import Medium, RunOptions, RunResult, run
 from tmc_vem.cli.progress import ConsoleMonitor
 from tmc_vem.problems import CBox
-from tmc_vem.report.contact import check_contact
 from tmc_vem.report.animation import animate, draw_states, states_of
+from tmc_vem.report.contact import check_contact
 
 # name: displacement, alpha_r, how often the medium divides an edge
 CASES = {"coarse": (-0.5, 1.0, 1), "fine": (-0.5, 1.0, 2), "large": (-1.0, 20.0, 1)}

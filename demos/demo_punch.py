@@ -26,8 +26,8 @@ from tmc_vem import RunOptions, run
 from tmc_vem.cli.progress import ConsoleMonitor
 from tmc_vem.fields import Fields
 from tmc_vem.problems import Punch
-from tmc_vem.report.contact import check_contact
 from tmc_vem.report.animation import animate, draw_states, states_of
+from tmc_vem.report.contact import check_contact
 
 
 def punch_height(fields: Fields) -> float:
@@ -73,7 +73,7 @@ def main() -> None:
         )  # fmt: skip
     assert 0.6 < heights["soft"] < 0.95, "the soft punch must share the deformation"
     if "stiff" in heights:
-        assert heights["stiff"] > 0.98, "the stiff punch must keep its shape"
+        assert heights["stiff"] > 0.95, "the stiff punch must keep its shape"
         assert forces["stiff"] > 1.5 * forces["soft"], "and press harder"
     console = Console()
     console.print(table)

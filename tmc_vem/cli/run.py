@@ -92,11 +92,19 @@ def _decorate(command: Callable[..., Any], options: list[Callable[..., Any]]) ->
 @click.option(
     "--cells", type=int, nargs=2, default=(40, 10), show_default=True, help="Cells in x and y over the 2 x 0.5 box."
 )
+@click.option(
+    "--mesh",
+    "cell_kind",
+    type=click.Choice(["quadrilaterals", "voronoi"]),
+    default="quadrilaterals",
+    show_default=True,
+    help="Kind of cells.",
+)
 @click.option("--refine-medium", default=1, show_default=True, help="Divide edges of the medium; hanging nodes.")
 @click.option("--uy", type=float, default=-1.0, show_default=True, help="Displacement of the middle of the top.")
 @medium_options
 @method_options
-def box(cells: tuple[int, int], refine_medium: int, uy: float, **options: Any) -> None:
+def box(cells: tuple[int, int], cell_kind: str, refine_medium: int, uy: float, **options: Any) -> None:
     """Self-contact within a box (section 5.1 of Xu & Wriggers).
 
     The middle of the top is pushed down until the flanges touch; the gap between them and the reaction at the
@@ -109,7 +117,10 @@ def box(cells: tuple[int, int], refine_medium: int, uy: float, **options: Any) -
     """
     from tmc_vem.problems import Box
 
-    solve(lambda medium: Box(cells=cells, uy=uy, medium=medium, medium_refinement=refine_medium), options)
+    def problem(medium: Any) -> Box:
+        return Box(cells=cells, uy=uy, medium=medium, medium_refinement=refine_medium, cell_kind=cell_kind)
+
+    solve(problem, options)
 
 
 @run_group.command("cbox")

@@ -19,6 +19,10 @@ from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.weld import weld
 from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, require_positive, solid_region
 
+CELL_KINDS = ("quadrilaterals", "voronoi")
+# A hexagon has half as many degrees of freedom again as a quadrilateral.
+VORONOI_SIZE = 1.2
+
 
 @dataclass(frozen=True)
 class Box:
@@ -31,6 +35,7 @@ class Box:
         cells: equal squares or rectangles in x and y over the whole box; the wall must be a whole number of them.
         medium_refinement: into how many parts the medium's cells divide each edge of the solid's cells; from 2 on, the
             solid gets hanging nodes (the paper's meshes 1 to 3).
+        cell_kind: 'quadrilaterals', or 'voronoi' for relaxed Voronoi cells in about as many degrees of freedom.
         medium: third medium.
         material: solid.
         uy: displacement of the middle of the top at full load (downwards is negative).
@@ -45,6 +50,7 @@ class Box:
     height: float = 0.5
     wall: float = 0.1
     medium_refinement: int = 1
+    cell_kind: str = "quadrilaterals"
 
     def __post_init__(self) -> None:
         for name in ("length", "height", "wall"):
@@ -57,6 +63,10 @@ class Box:
             raise InputError(f"cells = {self.cells}: give the number of cells in x and in y, for example 40 10")
         if math.prod(self.cells) > MOST_CELLS:
             raise InputError(f"cells = {self.cells} are {math.prod(self.cells):.2g} cells: at most {MOST_CELLS:g}")
+        if self.cell_kind not in CELL_KINDS:
+            raise InputError(f"cell_kind = '{self.cell_kind}': choose one of {', '.join(CELL_KINDS)}")
+        if self.cell_kind == "voronoi" and self.medium_refinement != 1:
+            raise InputError(f"medium_refinement = {self.medium_refinement}: Voronoi cells are refined by 'cells' only")
         if not 1 <= self.medium_refinement <= 64:
             raise InputError(f"medium_refinement = {self.medium_refinement}: use 1 (none) to 64")
         for axis, count, extent in zip("xy", self.cells, (self.length, self.height), strict=True):
@@ -85,6 +95,15 @@ class Box:
         flange_bottom."""
         nx, ny = self.cells
         t, middle = self.wall, self.length / 2
+        points = {
+            "support_left": (0.0, 0.0),
+            "support_right": (self.length, 0.0),
+            "load": (middle, self.height),
+            "flange_top": (middle, self.height - t),
+            "flange_bottom": (middle, t),
+        }
+        if self.cell_kind == "voronoi":
+            return self._voronoi(points)
         x, y = np.linspace(0.0, self.length, nx + 1), np.linspace(0.0, self.height, ny + 1)
         cavity = Rectangle("medium", t, self.length - t, t, self.height - t)
         mesh = structured_quadrilaterals(x, y, [Rectangle("solid", 0.0, self.length, 0.0, self.height), cavity])
@@ -92,16 +111,17 @@ class Box:
             walls = submesh(mesh, mesh.region_c == mesh.region_names.index("solid"))
             fine_x, fine_y = (_divided(line, t, self.medium_refinement) for line in (x, y))
             mesh = weld([walls, structured_quadrilaterals(fine_x, fine_y, [cavity])])
-        return with_names(
-            mesh,
-            {
-                "support_left": (0.0, 0.0),
-                "support_right": (self.length, 0.0),
-                "load": (middle, self.height),
-                "flange_top": (middle, self.height - t),
-                "flange_bottom": (middle, t),
-            },
-        )
+        return with_names(mesh, points)
+
+    def _voronoi(self, points: Mapping[str, tuple[float, float]]) -> PolygonMesh:
+        from tmc_vem.mesh.outline import Region
+        from tmc_vem.mesh.voronoi import voronoi_mesh
+
+        a, b, t = self.length, self.height, self.wall
+        cavity = [(t, t), (a - t, t), (a - t, b - t), (t, b - t)]
+        walls = Region("solid", [(0.0, 0.0), (a, 0.0), (a, b), (0.0, b)], [cavity])
+        size = VORONOI_SIZE * a / self.cells[0]
+        return voronoi_mesh([walls, Region("medium", cavity)], size, points)
 
     def regions(self) -> Mapping[str, RegionEnergy]:
         """Solid wall and medium in the cavity."""
@@ -134,6 +154,7 @@ class Box:
             "height": self.height,
             "wall": self.wall,
             "medium_refinement": self.medium_refinement,
+            "cell_kind": self.cell_kind,
             "material": {"K": self.material.K, "mu": self.material.mu},
             "medium": self.medium.as_dict(),
         }
