@@ -408,6 +408,9 @@ def _assemble(
     used, local = np.unique(loops, return_inverse=True)
     number = np.full(len(points), -1, dtype=np.int64)
     number[used] = np.arange(len(used))
+    lost = np.flatnonzero((number[skeleton.segments_sn] < 0).any(axis=1))
+    if len(lost):
+        raise _unresolved(skeleton, lost)
     mesh = PolygonMesh(
         points_vx=points[used],
         cell_offsets=np.concatenate([[0], np.cumsum(sizes)]),
@@ -419,12 +422,16 @@ def _assemble(
     wanted = np.sort(number[skeleton.segments_sn], axis=1) @ np.array([mesh.n_vertices, 1])
     missing = np.flatnonzero(~np.isin(wanted, mesh.edges.vertices_ev @ np.array([mesh.n_vertices, 1])))
     if len(missing):
-        x, y = skeleton.nodes_nx[skeleton.segments_sn[missing[0]]].mean(axis=0)
-        raise InputError(
-            f"the interface near ({x:.4g}, {y:.4g}) is not resolved ({len(missing)} such places): two outlines are "
-            "closer than the size of cells there, or it changes too quickly; use a smaller size"
-        )
+        raise _unresolved(skeleton, missing)
     return mesh
+
+
+def _unresolved(skeleton: Skeleton, segments: Int) -> InputError:
+    x, y = skeleton.nodes_nx[skeleton.segments_sn[segments[0]]].mean(axis=0)
+    return InputError(
+        f"the interface near ({x:.4g}, {y:.4g}) is not resolved ({len(segments)} such places): two outlines are "
+        "closer than the size of cells there, or it changes too quickly; use a smaller size"
+    )
 
 
 def _check_overlap(regions: Sequence[Region]) -> None:

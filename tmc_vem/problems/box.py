@@ -22,6 +22,8 @@ from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region,
 CELL_KINDS = ("quadrilaterals", "voronoi")
 # A hexagon has half as many degrees of freedom again as a quadrilateral.
 VORONOI_SIZE = 1.2
+# The rows of cells along both faces of the wall fit into it up to this size relative to it.
+WIDEST = 0.7
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,7 @@ class Box:
         a, b, t = self.length, self.height, self.wall
         cavity = [(t, t), (a - t, t), (a - t, b - t), (t, b - t)]
         walls = Region("solid", [(0.0, 0.0), (a, 0.0), (a, b), (0.0, b)], [cavity])
-        size = VORONOI_SIZE * a / self.cells[0]
+        size = min(VORONOI_SIZE * a / self.cells[0], WIDEST * t)
         return voronoi_mesh([walls, Region("medium", cavity)], size, points)
 
     def regions(self) -> Mapping[str, RegionEnergy]:

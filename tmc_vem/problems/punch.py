@@ -140,5 +140,6 @@ class Punch:
     def _size(self, points: Float) -> Float:
         """Two cells or more across the gap, the full size away from it."""
         distance = np.hypot(points[:, 0], points[:, 1] - (self.height + 0.5 * self.gap0))
-        size: Float = np.minimum(self.size, 0.45 * self.gap0 + 0.3 * distance)
+        opening = self.gap0 + 0.45 * distance**2 / self.radius  # of the wedge between circle and surface
+        size: Float = np.minimum(self.size, 0.6 * opening)
         return size

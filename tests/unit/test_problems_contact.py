@@ -1,0 +1,151 @@
+"""C-box, punch and bodies: meshes, names, refusals, and one small run each."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tmc_vem.errors import InputError
+from tmc_vem.mesh.check import find_faults
+from tmc_vem.mesh.geometry import areas
+from tmc_vem.problems import Bodies, Box, CBox, Material, Punch
+
+PROBLEMS = {
+    "cbox": CBox(),
+    "cbox, quadrilaterals": CBox(solid_cells="quadrilaterals"),
+    "cbox, fine medium": CBox(medium_refinement=3),
+    "punch": Punch(),
+    "punch, small gap": Punch(gap0=0.05, size=0.2),
+    "bodies 1": Bodies(),
+    "bodies 2": Bodies(case=2, discs=2, length=3.0),
+    "one body": Bodies(discs=1, length=2.0),
+    "box, Voronoi": Box(cells=(20, 5), cell_kind="voronoi"),
+}
+HALF_DISC = math.pi * 0.2**2 / 2
+AREAS = {
+    "cbox": {"solid": 0.23, "medium": 0.27 + 0.05 * 0.5},
+    "cbox, quadrilaterals": {"solid": 0.23, "medium": 0.27 + 0.05 * 0.5},
+    "cbox, fine medium": {"solid": 0.23, "medium": 0.27 + 0.05 / 3 * 0.5},
+    "punch": {"block": 2.0, "punch": math.pi / 4, "medium": 2 * 1.6 - math.pi / 4},
+    "punch, small gap": {"block": 2.0, "punch": math.pi / 4, "medium": 2 * 1.05 - math.pi / 4},
+    "bodies 1": {"beam": 1.6, "discs": 7 * HALF_DISC, "medium": 2 * 8 * 0.3 - 7 * HALF_DISC},
+    "bodies 2": {"beam": 0.6, "discs": 2 * HALF_DISC, "medium": 2 * 3 * 0.3 - 2 * HALF_DISC},
+    "one body": {"beam": 0.4, "discs": HALF_DISC, "medium": 2 * 2 * 0.3 - HALF_DISC},
+    "box, Voronoi": {"solid": 0.46, "medium": 0.54},
+}
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_mesh_has_regions_and_all_names_that_the_problem_uses(name):
+    problem = PROBLEMS[name]
+    mesh = problem.make_mesh()
+    assert not find_faults(mesh)
+    assert set(mesh.region_names) == set(problem.regions())
+    area = dict.fromkeys(mesh.region_names, 0.0)
+    for c, loop in enumerate(mesh.cells()):
+        area[mesh.region_names[mesh.region_c[c]]] += areas(mesh.points_vx[loop][None])[0]
+    assert area == pytest.approx(AREAS[name], rel=0.05)  # chords of circles
+    for condition in problem.prescribed():
+        assert condition.where in mesh.named_points or len(mesh.named_edges[condition.where])
+    assert problem.load() in problem.prescribed()
+    gap = problem.gap()
+    first, second = (mesh.points_vx[mesh.named_vertex(n)] for n in (gap.first, gap.second))
+    expected = {"c": 0.3, "p": getattr(problem, "gap0", 0), "b": getattr(problem, "gap0", 0.3), "o": 0.1}[name[0]]
+    assert np.hypot(*(first - second)) == pytest.approx(expected)
+    assert problem.inputs()["problem"] == problem.name
+
+
+def test_named_edges_are_where_they_belong():
+    mesh = Bodies().make_mesh()
+    x = mesh.points_vx
+    assert np.ptp(x[mesh.named_edges["left"]][..., 1]) == pytest.approx(0.2)
+    assert (np.abs(x[mesh.named_edges["upper"]][..., 1] - 0.5) < 1e-12).all()
+    assert (np.abs(x[mesh.named_edges["lower"]][..., 1] + 0.3) < 1e-12).all()
+    length = np.hypot(*np.diff(x[mesh.named_edges["upper"]], axis=1)[:, 0].T).sum()
+    assert length == pytest.approx(4 * 0.4)
+    mesh = Punch().make_mesh()
+    assert np.hypot(*np.diff(mesh.points_vx[mesh.named_edges["top"]], axis=1)[:, 0].T).sum() == pytest.approx(1.0)
+    assert np.abs(mesh.points_vx[mesh.named_edges["axis"]][..., 0]).max() < 1e-12
+
+
+def test_boundary_conditions_of_the_two_cases():
+    one = {(c.where, c.component) for c in Bodies(case=1).prescribed()}
+    two = {(c.where, c.component) for c in Bodies(case=2).prescribed()}
+    assert {("upper", 0), ("lower", 0), ("right", 0), ("right", 1)} <= one
+    assert not {("upper", 0), ("lower", 0), ("right", 0)} & two
+    assert ("right_corner", 1) in two
+
+
+def test_punch_stiffness_scales_both_moduli():
+    regions = Punch(stiffness=100.0, material=Material(2.0, 1.0)).regions()
+    assert regions["punch"].values == {"K": 200.0, "mu": 100.0}
+    assert regions["block"].values == {"K": 2.0, "mu": 1.0}
+    assert regions["medium"].values["mu"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: CBox(cells=(15, 10)), r"15 cells in x do not resolve the wall: 0\.1 is 1\.5 cells"),
+        (lambda: CBox(cells=(20,)), r"give the number of cells"),
+        (lambda: CBox(wall=0.25), r"wall = 0\.25 leaves no cavity"),
+        (lambda: CBox(solid_cells="hexagons"), r"solid_cells = 'hexagons': choose one of"),
+        (lambda: CBox(medium_refinement=0), r"medium_refinement = 0"),
+        (lambda: CBox(uy=math.nan), r"uy = nan"),
+        (lambda: CBox(length=-1.0), r"length = -1 must be a positive number"),
+        (lambda: Punch(size=0.5), r"size = 0\.5 is too large .* use at most 0\.25"),
+        (lambda: Punch(radius=3.0), r"radius = 3 must be smaller than the width"),
+        (lambda: Punch(gap0=0.0), r"gap0 = 0 must be a positive number"),
+        (lambda: Punch(stiffness=-1.0), r"stiffness = -1 must be"),
+        (lambda: Punch(stiffness=100.0, gap0=0.2), r"moves the stiff punch through the bottom"),
+        (lambda: Punch(uy=math.inf), r"uy = inf must be a finite number"),
+        (lambda: Bodies(case=3), r"case = 3: use 1 .* or 2"),
+        (lambda: Bodies(discs=0), r"discs = 0"),
+        (lambda: Bodies(discs=40), r"40 half discs of radius 0\.2 do not fit"),
+        (lambda: Bodies(size=0.5), r"size = 0\.5 is too large for a beam"),
+        (lambda: Bodies(gap0=math.nan), r"gap0 = nan must be"),
+        (lambda: Box(cell_kind="hexagons"), r"cell_kind = 'hexagons'"),
+        (lambda: Box(cell_kind="voronoi", medium_refinement=2), r"refined by 'cells' only"),
+    ],
+)
+def test_refusals(make, message):
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [
+        CBox(cells=(10, 5), uy=-0.2),
+        Punch(size=0.25, uy=-0.7),
+        Bodies(discs=1, length=2.0, uy=0.1),
+    ],
+    ids=["cbox", "punch", "bodies"],
+)
+def test_small_runs_reach_their_load_without_interpenetration(problem, tmp_path):
+    from tmc_vem.report.contact import check_contact
+    from tmc_vem.report.snapshots import read_fields, snapshots
+    from tmc_vem.simulation import RunOptions, run
+
+    result = run(problem, tmp_path / "run", RunOptions(snapshots=1))
+    assert result.complete, result.reason
+    assert result.reaction * problem.load().value > 0.0  # the load does work
+    assert not check_contact(read_fields(result, snapshots(result)[-1])).interpenetrates
+    assert min(result.min_j.values()) > 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("problem", [Box(cells=(20, 5), medium_refinement=r) for r in (1, 2)], ids=["1", "2"])
+def test_gap_of_the_box_with_hanging_nodes(problem):
+    from tmc_vem.simulation import run
+
+    assert run(problem).gap == pytest.approx(2.01e-3, rel=0.03)
+
+
+@pytest.mark.slow
+def test_gap_of_the_box_of_voronoi_cells():
+    from tmc_vem.simulation import run
+
+    assert run(Box(cells=(40, 10), cell_kind="voronoi")).gap == pytest.approx(2.01e-3, rel=0.03)
