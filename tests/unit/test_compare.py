@@ -1,0 +1,209 @@
+"""tmc-vem compare, reproduce, list, plot and animate, from the command line to the page in a browser."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from tmc_vem.compare import converged
+from tmc_vem.errors import InputError
+from tmc_vem.paper.tables import table2_sections, table3_jobs
+from tmc_vem.paper.values import table2, table3
+from tmc_vem.reproduce import TARGETS, reproduce
+from tmc_vem.results import RunResult, StepRecord
+
+SHORT = ("--uy", "-0.05", "--factor", "1", "--factor", "2", "--factor", "3")
+
+
+def tmc(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from tmc_vem.cli.main import main; main()", *arguments]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300, check=False)
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pytest.importorskip("dolfinx")
+    cwd = tmp_path_factory.mktemp("compare")
+    done = tmc("compare", "box", *SHORT, "--out", "out", cwd=cwd)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "report: out/report.html" in done.stdout
+    return cwd / "out"
+
+
+class Content(HTMLParser):
+    """Images, headings and tables of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.images: list[str] = []
+        self.tables = 0
+        self.headings: list[str] = []
+        self._tag = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self._tag = tag
+        self.tables += tag == "table"
+        if tag == "img":
+            self.images.append(dict(attrs)["src"] or "")
+
+    def handle_data(self, data: str) -> None:
+        if self._tag == "h2" and data.strip():
+            self.headings.append(data.strip())
+
+
+def test_the_report_holds_what_it_promises(compared: Path) -> None:
+    content = Content((compared / "report.html").read_text())
+    assert content.headings == ["Result", "Problem", "Mesh convergence", "Loading", "Deformed states", "Solution",
+                                "How to repeat this"]  # fmt: skip
+    assert len(content.images) == 8
+    assert all(source.startswith("data:image/") for source in content.images)
+    assert content.tables >= 7
+    text = (compared / "report.md").read_text()
+    for word in ("smallest J, medium", "energy, solid", "petsc", "revision", "Richardson", "--factor 3", "difference"):
+        assert word in text, word
+    with (compared / "runs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["run"] for row in rows] == [f"{m} {20 * n} x {5 * n}" for m in ("VEM", "FEM") for n in (1, 2, 3)]
+    assert len({row["directory"] for row in rows}) == 6
+    # both methods solve the same problem
+    assert float(rows[2]["gap"]) == pytest.approx(float(rows[5]["gap"]), rel=1e-3)
+    assert {path.stem for path in (compared / "figures").glob("*.svg")} == {
+        path.stem for path in (compared / "figures").glob("*.png")
+    }
+
+
+def test_runs_are_reused(compared: Path) -> None:
+    before = {path: path.stat().st_mtime_ns for path in compared.glob("runs/*/result.json")}
+    done = tmc("compare", "box", *SHORT, "--out", "out", cwd=compared.parent)
+    assert done.returncode == 0, done.stderr
+    assert "6 runs, 6 of them done before" in done.stderr
+    assert before == {path: path.stat().st_mtime_ns for path in compared.glob("runs/*/result.json")}
+
+
+def test_the_page_in_a_browser(compared: Path, tmp_path: Path) -> None:
+    browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("no chromium: apt-get install chromium")
+    # reports what loaded by its title, which --dump-dom shows
+    page = (compared / "report.html").read_text()
+    probe = (
+        "<script>window.addEventListener('load', () => { const all = [...document.images];"
+        "document.body.setAttribute('data-bad', all.filter(i => !(i.complete && i.naturalWidth > 0)).length);"
+        "document.body.setAttribute('data-images', all.length);"
+        "document.body.setAttribute('data-wide', document.documentElement.scrollWidth > window.innerWidth);"
+        "});</script>"
+    )
+    copy = tmp_path / "report.html"
+    copy.write_text(page.replace("</head>", probe + "</head>"))
+    options = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-sync",
+               "--disable-component-update", "--window-size=1200,900", "--enable-logging=stderr", "--v=0",
+               f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom")  # fmt: skip
+    done = subprocess.run([browser, *options, copy.as_uri()], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    assert 'data-images="8"' in done.stdout
+    assert 'data-bad="0"' in done.stdout
+    assert 'data-wide="false"' in done.stdout
+    assert "CONSOLE" not in done.stderr
+    assert done.stdout.count("<table") >= 7
+
+
+def test_list_plot_and_animate(compared: Path, tmp_path: Path) -> None:
+    listed = tmc("list", str(compared), cwd=tmp_path)
+    assert listed.returncode == 0, listed.stderr
+    assert "method" in listed.stdout
+    assert "gamma" not in listed.stdout  # all runs have the same
+    data = json.loads(tmc("list", str(compared), "--json", cwd=tmp_path).stdout)
+    assert len(data) == 6
+    run = next(compared.glob("runs/box-vem-20x5-*"))
+    plotted = tmc("plot", str(run), "--out", "plots", "--quantity", "J", cwd=tmp_path)
+    assert plotted.returncode == 0, plotted.stderr
+    assert {path.name for path in (tmp_path / "plots" / "figures").glob("*.png")} == {
+        "states.png", "loading.png", "smallest-j.png", "energy.png", "newton.png"
+    }  # fmt: skip
+    animated = tmc("animate", str(run), "--out", "box.gif", cwd=tmp_path)
+    assert animated.returncode == 0, animated.stderr
+    assert (tmp_path / "box.gif").read_bytes().startswith(b"GIF89a")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("compare", "box", "--factor", "1"), "1 meshes"),
+        (("compare", "box", "--gamma", "-1"), "gamma = -1"),
+        (("reproduce", "table9"), "no 'table9'"),
+        (("list", "nowhere"), "not a directory"),
+        (("plot", "nowhere"), "not a run directory"),
+        (("animate", "nowhere"), "not a run directory"),
+        (("animate", "nowhere", "--out", "x.mp4"), ".gif"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: tuple[str, ...], message: str, tmp_path: Path) -> None:
+    done = tmc(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_papers_tables() -> None:
+    assert table2()[10.0, 1e-4]["fem_fine"].value == 8.2690e-3
+    assert table2()[0.1, 1e-6]["fem_fine"].value is None
+    assert not table2()[0.1, 1e-6]["fem_fine"].usable
+    suspect = [(row, name) for row, cells in table2().items() for name, cell in cells.items() if cell.suspect]
+    assert suspect == [((10.0, 1e-5), "vem_mesh1"), ((10.0, 1e-6), "vem_mesh1"), ((10.0, 1e-6), "vem_mesh3"),
+                       ((10.0, 1e-6), "fem_fine"), ((1.0, 1e-6), "vem_mesh1"), ((1.0, 1e-6), "vem_mesh2")]  # fmt: skip
+    assert all(cell.suspect for cell in table3()["angle"].values())
+    # what is called repeated is repeated
+    assert table2()[10.0, 1e-6]["vem_mesh3"].value == table2()[10.0, 1e-6]["fem_fine"].value
+    assert table3()["angle"]["vem_mesh1"].value == table2()[1.0, 1e-6]["vem_mesh1"].value
+
+
+def result(gap: float, load: float = 1.0) -> RunResult:
+    record = StepRecord(1, load, -load, gap, -1.0, 3, 0, 0, {"solid": 0.9}, {"solid": 1.0}, 0, False, 1.0)
+    return RunResult({}, {}, load == 1.0, "", load, 4, 9, 3, 0, {}, {"total": 1.0}, [record])
+
+
+def test_converged_value_of_a_known_sequence() -> None:
+    sizes = [1.0, 0.5, 0.25]
+    limit = converged(sizes, [result(2.0 + 0.1 * h**2) for h in sizes])
+    assert limit is not None
+    assert limit.value == pytest.approx(2.0)
+    assert limit.order == pytest.approx(2.0)
+    assert converged(sizes, [result(2.0), result(1.9), None]) is None
+    assert converged(sizes, [result(2.0), result(1.9), result(1.8, load=0.7)]) is None
+
+
+def test_every_target_has_runs_of_its_own() -> None:
+    assert set(TARGETS) == {"table2", "table3", "fig4", "fig5", "fig7", "fig8", "fig10", "fig11", "fig13", "fig14"}
+    for name, target in TARGETS.items():
+        for quick in (False, True):
+            jobs = target.jobs(quick)
+            assert jobs, name
+            assert len({job.name for job in jobs.values()}) == len(jobs), name
+    assert {job.inputs["medium"]["beta"] for job in table3_jobs(True).values()} == {0.0, 5.0}
+
+
+def test_a_table_without_runs_says_so() -> None:
+    (fem, vem, _) = table2_sections({}, quick=True)
+    assert "0 of 9 pairs" in fem.blocks[0].text  # type: ignore[union-attr]
+    assert "failed" in str(vem.blocks)
+
+
+def test_reproducing_a_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pages = reproduce(["fig4"], tmp_path, quick=True, command="tmc-vem reproduce fig4 --quick")
+    text = pages[0].read_text()
+    assert len(Content(text).images) == 1
+    rows = re.findall(r"<td>-1</td>(.*?)</tr>", text, re.S)
+    gaps = [float(value) for value in re.findall(r"<td>([\d.e+-]+)</td>", rows[0])][::2]
+    assert gaps == sorted(gaps, reverse=True)  # the gap falls with gamma
+    with pytest.raises(InputError, match="no 'fig6'"):
+        reproduce(["fig6"], tmp_path, command="")
