@@ -27,7 +27,7 @@ HALF_DISC = math.pi * 0.2**2 / 2
 AREAS = {
     "cbox": {"solid": 0.23, "medium": 0.27 + 0.05 * 0.5},
     "cbox, quadrilaterals": {"solid": 0.23, "medium": 0.27 + 0.05 * 0.5},
-    "cbox, fine medium": {"solid": 0.23, "medium": 0.27 + 0.05 / 3 * 0.5},
+    "cbox, fine medium": {"solid": 0.23, "medium": 0.27 + 0.05 * 0.5},
     "punch": {"block": 2.0, "punch": math.pi / 4, "medium": 2 * 1.6 - math.pi / 4},
     "punch, small gap": {"block": 2.0, "punch": math.pi / 4, "medium": 2 * 1.05 - math.pi / 4},
     "bodies 1": {"beam": 1.6, "discs": 7 * HALF_DISC, "medium": 2 * 8 * 0.3 - 7 * HALF_DISC},

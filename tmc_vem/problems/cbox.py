@@ -32,8 +32,9 @@ class CBox:
     """A C whose upper arm is pushed down at its tip until it presses on the lower arm.
 
     The whole line x = 0 is fixed; the upper right corner has its u_y prescribed and its u_x free. Third medium fills
-    the cavity and one column of cells to the right of the arms, over the full height, so that the tips have medium
-    around the point of contact.
+    the cavity and a column to the right of the arms, over the full height, so that the tips have medium around the
+    point of contact. The column is as wide as one of ``cells`` however fine the medium is: through half of that, the
+    tip slips sideways past the medium and into the lower arm, with J > 0 at all quadrature points.
 
     Attributes:
         cells: squares or rectangles in x and y over length x height that resolve the solid.
@@ -150,9 +151,9 @@ class CBox:
     def _medium(self) -> PolygonMesh:
         x, y = self._lines(self.medium_refinement)
         length, height, t = self.length, self.height, self.wall
-        column = x[-1] - x[-2]
+        column = length / self.cells[0]
         mesh = structured_quadrilaterals(
-            np.append(x, length + column),
+            np.append(x, length + column * np.arange(1, self.medium_refinement + 1) / self.medium_refinement),
             y,
             [
                 Rectangle("rest", 0.0, length + column, 0.0, height),
