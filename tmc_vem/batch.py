@@ -58,7 +58,7 @@ class Job:
     @property
     def name(self) -> str:
         """Name of the run directory."""
-        text = json.dumps(self.inputs, sort_keys=True)
+        text = json.dumps(json.loads(json.dumps(self.inputs), parse_int=float), sort_keys=True)  # 10 and 10.0 are equal
         return f"{self.label}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 

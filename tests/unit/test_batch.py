@@ -55,6 +55,7 @@ def test_finished_runs_are_not_repeated(tmp_path: Path) -> None:
 
 def test_other_inputs_are_another_run(tmp_path: Path) -> None:
     assert len({job().name, job(gamma=1e-5).name, job(uy=-0.03).name}) == 3
+    assert job(uy=-1).name == job(uy=-1.0).name
     (outcome,) = run_batch([job()], tmp_path)
     assert outcome.result is not None
     # a result whose inputs were changed by hand does not pass for this run
