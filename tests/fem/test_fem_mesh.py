@@ -62,6 +62,10 @@ def test_output_polygons_run_around_the_cells(order: int, triangles: bool) -> No
     assert (np.diff(polygons.offsets) == order * (3 if triangles else 4)).all()
     corners = np.stack([polygons.points_nx[polygons.cell(c)] for c in range(polygons.n_cells)])
     assert areas(corners) == pytest.approx(system.cell_areas())
+    segments = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).reshape(len(corners), -1, order)
+    ends = corners[:, ::order]
+    sides = np.linalg.norm(np.roll(ends, -1, axis=1) - ends, axis=2)
+    assert segments.sum(axis=2) == pytest.approx(sides)  # no way back and forth
     u = system.interpolate(lambda x: x**2)
     assert system.output_displacements(u) == pytest.approx(polygons.points_nx**2)
 

@@ -1,4 +1,4 @@
-"""Two ranks find what one finds."""
+"""Two and three ranks find what one finds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ PROGRAM = """
 import json, sys
 import numpy as np
 from mpi4py import MPI
-from helpers_fem import problem_system, wavy
+from helpers_fem import CLAMPED, SOLID, grid, make_system, problem_system, wavy
+from tmc_vem.mesh import PolygonMesh
 from tmc_vem.output import gather_fields
 from tmc_vem.problems import Box, Medium
 from tmc_vem.solve.newton import NewtonSolver
@@ -38,7 +39,14 @@ if comm.rank == 0:
         "regions": {name: [v.energy, v.min_j] for name, v in evaluation.regions.items()}, "worst": evaluation.worst,
         "iterations": len(result.iterations), "stored": result.evaluation.energy,
     }), flush=True)
-values = [gradient.norm(), system.reaction(solver.residual, "load", 1), system.max_step(w, w),
+mesh = grid(6, 6)
+inside = PolygonMesh(
+    mesh.points_vx, mesh.cell_offsets, mesh.cell_vertices, mesh.region_c, mesh.region_names, {},
+    {"boundary": mesh.edges.vertices_ev[::9]},  # single edges here and there
+)
+scattered = make_system(inside, SOLID, CLAMPED, triangles=sys.argv[2] == "1")
+n_constrained = comm.allreduce(len(scattered.constrained()))
+values = [n_constrained, gradient.norm(), system.reaction(solver.residual, "load", 1), system.max_step(w, w),
           *system.point_displacements(u, ["flange_top", "support_right"]).ravel().tolist()]
 if comm.rank == 0:
     print(json.dumps(values), flush=True)
@@ -53,10 +61,10 @@ def solve(ranks: int, mode: str, triangles: bool) -> tuple[dict[str, Any], list[
     return first, second
 
 
-@pytest.mark.parametrize(("mode", "triangles"), [("none", True), ("penalty", False)])
-def test_one_rank_and_two(mode: str, triangles: bool) -> None:
-    (one, one_values), (two, two_values) = (solve(ranks, mode, triangles) for ranks in (1, 2))
-    assert (one["ranks"], two["ranks"]) == (1, 2)
+@pytest.mark.parametrize(("mode", "triangles", "ranks"), [("none", True, 3), ("penalty", False, 2)])
+def test_one_rank_and_several(mode: str, triangles: bool, ranks: int) -> None:
+    (one, one_values), (two, two_values) = (solve(n, mode, triangles) for n in (1, ranks))
+    assert (one["ranks"], two["ranks"]) == (1, ranks)
     for key in ("dofs", "iterations", "cells", "worst"):
         assert two[key] == one[key]
     for key in ("energy", "stored"):

@@ -57,7 +57,7 @@ def test_work_of_the_load_is_in_the_potential() -> None:
 def test_point_displacements_come_in_the_order_asked_for() -> None:
     system = problem_system(Box(cells=(20, 5)))
     u = system.interpolate(lambda x: x @ np.array([[0.1, 0.2], [0.3, 0.4]]))
-    names = ("flange_top", "load", "support_right")
+    names = ("support_right", "flange_top", "load")
     expected = system.point_coordinates(names) @ np.array([[0.1, 0.2], [0.3, 0.4]])
     assert system.point_displacements(u, names) == pytest.approx(expected)
 
