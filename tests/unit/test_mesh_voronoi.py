@@ -152,14 +152,14 @@ def test_a_hundred_thousand_cells(tmp_path):
 
     from tmc_vem.mesh.io import write_mesh
 
-    start = time.perf_counter()
+    start = time.process_time()
     lower = Region("a", [(0, 0), (1, 0), (1, 0.5), (0, 0.5)])
     mesh = voronoi_mesh([lower, Region("b", [(0, 0.5), (1, 0.5), (1, 1), (0, 1)])], 1 / 318)
     assert mesh.n_cells > 99_000
-    assert time.perf_counter() - start < 60.0
-    start = time.perf_counter()
+    assert time.process_time() - start < 60.0
+    start = time.process_time()
     assert not find_faults(mesh)
-    assert time.perf_counter() - start < 10.0
-    start = time.perf_counter()
+    assert time.process_time() - start < 10.0
+    start = time.process_time()
     write_mesh(mesh, tmp_path / "large.vtu")
-    assert time.perf_counter() - start < 10.0
+    assert time.process_time() - start < 10.0
