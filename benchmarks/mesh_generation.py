@@ -36,7 +36,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="up to 10 000 cells")
     sizes = (1_000, 10_000) if parser.parse_args().quick else (1_000, 10_000, 100_000)
-    print(f"{'cells':>8} {'generate':>9} {'check':>7} {'write':>7} {'read':>7}  processor seconds; largest memory so far")
+    print(f"{'cells':>8} {'generate':>9} {'check':>7} {'write':>7} {'read':>7}  processor s; largest memory so far")
     for wanted in sizes:
         mesh, generate = timed(lambda n=wanted: voronoi_mesh([LOWER, UPPER], n**-0.5))  # type: ignore[misc]
         faults, check = timed(lambda m=mesh: find_faults(m))  # type: ignore[misc]
