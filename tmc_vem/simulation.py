@@ -198,6 +198,7 @@ def _method_inputs(options: RunOptions) -> Mapping[str, Any]:
         element = options.element
         discretisation = {
             "order": element.order,
+            "projection": element.projection,
             "projection_degree": "spectral test" if element.degree is None else element.degree,
             "quadrature": element.quadrature_degree,
         }

@@ -89,7 +89,9 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
     cuts = f", {result.cut_backs} cut-backs" if result.cut_backs else ""
     rows.append(("load steps", f"{result.steps} with {result.newton_iterations} Newton iterations{cuts}"))
     if result.projection_degrees:
-        cells = ", ".join(f"l = {degree}: {count}" for degree, count in result.projection_degrees.items())
+        cells = ", ".join(
+            f"{'l = ' if space.isdigit() else ''}{space}: {count}" for space, count in result.projection_degrees.items()
+        )
         rows.append(("cells", f"{result.n_cells} ({cells}), {result.n_dofs} degrees of freedom"))
     else:
         rows.append(("cells", f"{result.n_cells}, {result.n_dofs} degrees of freedom"))

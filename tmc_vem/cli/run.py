@@ -64,6 +64,12 @@ def method_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--l", "degree", type=int,
             help="Degree l of the gradient's projection, for experts. Default: a spectral test of each cell shape.",
         ),
+        click.option(
+            "--projection", type=click.Choice(["auto", "full", "harmonic", "macro", "composite"]), default="auto",
+            show_default=True,
+            help="What vem projects gradients on. full: [P_l]^2 on all cells, as in the paper; auto: on cells without "
+            "hanging nodes and many sides, else composite.",
+        ),
         click.option("--quadrature", type=int, help="Quadrature degree. Default: 2 k (vem), 4 (fem)."),
         click.option(
             "--interior-penalty", type=click.Choice(["none", "penalty", "full"]), default="none", show_default=True,
@@ -275,7 +281,8 @@ def method_settings(options: dict[str, Any]) -> dict[str, Any]:
         }
     if options["interior_penalty"] != "none" or options["triangles"]:
         raise InputError("--interior-penalty and --triangles belong to --method fem")
-    return {"element": ElementSettings(options["order"], options["degree"], options["quadrature"])}
+    element = ElementSettings(options["order"], options["degree"], options["quadrature"], options["projection"])
+    return {"element": element}
 
 
 def parse_parameters(texts: tuple[str, ...]) -> dict[str, float]:

@@ -1,10 +1,12 @@
 """Virtual elements: derivatives of the projected basis at quadrature points, for classes of congruent cells.
 
-The degree l of the gradient's projection is chosen per shape by a spectral test: the smallest l for which the element
-tangent of plane elasticity at F = I has exactly the three zero eigenvalues of the rigid motions. The counting rule (40)
-of the paper is only where the search starts: it is not sufficient (squares and pentagons fail at its l = 2), and a
-larger l than needed costs accuracy. "Zero" is measured against a stabilised element of the same shape, so that modes
-which are merely close to spurious do not pass.
+What the gradient is projected on is chosen per shape by a spectral test: only the three rigid motions may have no
+energy in plane elasticity at F = I. For [P_l]^2 the smallest l is taken that passes. The counting rule (40) of the
+paper is only where the search starts: it is not sufficient (squares and pentagons fail at its l = 2), and a larger l
+than needed costs accuracy. "No energy" is measured against a stabilised element of the same shape, so that modes
+which are merely close to spurious do not pass. By default, shapes without a good l up to k + 1, such as those with
+hanging nodes, get the composite space instead, which has full rank on any polygon; docs/projection.md compares the
+spaces.
 """
 
 from __future__ import annotations
@@ -27,12 +29,15 @@ from tmc_vem.vem.projector import (
     n_scalar_dofs,
     value_projector,
 )
-from tmc_vem.vem.quadrature import on_triangles, sub_triangles
+from tmc_vem.vem.quadrature import on_triangles, sub_triangles, triangle
+from tmc_vem.vem.space_composite import CompositeSpace
+from tmc_vem.vem.space_macro import MacroSpace
+from tmc_vem.vem.spaces import N_ROWS, FullSpace, HarmonicSpace, ProjectionSpace, Shapes
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-N_ROWS = 6
+PROJECTIONS = ("auto", "full", "harmonic", "macro", "composite")
 RIGID_MODES = 3
 LARGEST_DEGREE = 8
 # The smallest energy of a mode, as a fraction of what the reference element gives it. Modes without energy stay at
@@ -40,6 +45,9 @@ LARGEST_DEGREE = 8
 # node slightly off its straight side (1e-5 to 1e-9): no zero, but as harmful as one. So l is raised until STABLE is
 # reached. Edges below a hundredth of the cell may not allow that; what counts as spurious for good is below SPURIOUS.
 STABLE, SPURIOUS = 1e-3, 1e-5
+# With 'auto', [P_l]^2 with l up to k + 1 is used where every mode has this fraction. For k = 2, triangles and
+# quadrilaterals have 0.4 and more, convex pentagons about 0.15, cells with a hanging node up to 0.08, hexagons 0.03.
+GOOD = 0.1
 # Cells whose vertices agree up to a translation and this fraction of their diameter share a projector.
 CONGRUENCE = 1e-10
 
@@ -50,18 +58,27 @@ class ElementSettings:
 
     Attributes:
         order: k >= 2, polynomial degree on the edges.
-        degree: l, degree of the gradient's projection; None lets the spectral test choose per shape.
+        degree: l, degree of the gradient's projection on [P_l]^2; None lets the spectral test choose per shape.
         quadrature: degree of the rule on the sub-triangles; None means the larger of 2 k and l + k - 1, which
             integrates the product of a stress of degree k - 1 and a projected gradient, and so keeps the order of
             convergence. A lower degree is raised to l, below which constant stresses are out of balance. On the box,
             degrees 4 to 10 change the gap by less than one percent for k = 2.
+        projection: what gradients are projected on. 'full': [P_l]^2 with the smallest l that the spectral test allows;
+            'harmonic': [P_k]^2 and as many gradients of harmonic polynomials as it takes; 'macro': H(div)-conforming
+            piecewise [P_k]^2; 'composite': gradients of continuous piecewise P_k; 'auto': 'full' where l up to k + 1
+            does well, 'composite' elsewhere.
     """
 
     order: int = 2
     degree: int | None = None
     quadrature: int | None = None
+    projection: str = "auto"
 
     def __post_init__(self) -> None:
+        if self.projection not in PROJECTIONS:
+            raise InputError(f"unknown projection '{self.projection}': choose one of {', '.join(PROJECTIONS)}")
+        if self.degree is not None and self.projection not in ("auto", "full"):
+            raise InputError(f"a degree l belongs to the projection 'full': '{self.projection}' has its own")
         if self.order not in (2, 3, 4):
             raise InputError(f"element order k = {self.order}: use 2 (the paper's), 3 or 4")
         if self.degree is not None and not self.order - 1 <= self.degree <= LARGEST_DEGREE:
@@ -80,10 +97,28 @@ class ElementSettings:
             return max(2 * self.order, degree + self.order - 1)
         return max(self.quadrature, degree)
 
+    def candidates(self, n_sides: int) -> list[tuple[ProjectionSpace, float]]:
+        """Spaces to try one after another, with the stability constant that each of them needs."""
+        k = self.order
+        first = first_candidate(n_sides, k)
+        if self.degree is not None:
+            return [(FullSpace(self.degree), SPURIOUS)]
+        if self.projection == "composite":
+            return [(CompositeSpace(k), SPURIOUS)]
+        if self.projection == "macro":
+            return [(MacroSpace(k), SPURIOUS)]
+        if self.projection == "harmonic":
+            degrees = range(k + 1, LARGEST_DEGREE + 1)
+            return [(HarmonicSpace(k, m), SPURIOUS if m == LARGEST_DEGREE else STABLE) for m in degrees]
+        if self.projection == "auto":
+            return [*((FullSpace(m), GOOD) for m in range(first, k + 2)), (CompositeSpace(k), SPURIOUS)]
+        degrees = range(first, LARGEST_DEGREE + 1)
+        return [(FullSpace(m), SPURIOUS if m == LARGEST_DEGREE else STABLE) for m in degrees]
+
 
 @dataclass(frozen=True)
 class ElementGroup:
-    """Cells with equally many sides and quadrature points and the same l.
+    """Cells with equally many sides and quadrature points and the same projection space.
 
     Attributes:
         cells: (n,) cells of the mesh.
@@ -91,7 +126,9 @@ class ElementGroup:
         B_sqra: (n_shapes, n_points, 6, stride) derivatives d1, d2, d1d1, d2d1, d1d2, d2d2 of the projected basis.
         w_sq: (n_shapes, n_points) weights.
         n_basis: scalar degrees of freedom of a cell; the last axis of B is padded with zeros beyond.
-        n_sides, degree: vertices of each cell and the l in use.
+        n_sides: vertices of each cell.
+        degree: degree of the space's polynomials, the l of [P_l]^2.
+        projection: the l of [P_l]^2, or the name of another space.
         values_sqa: (n_shapes, n_points, n_basis) values of Pi0_k of the basis, for loads and errors.
         points_sqx: (n_shapes, n_points, 2) quadrature points relative to the cell's first vertex.
     """
@@ -103,6 +140,7 @@ class ElementGroup:
     n_basis: int
     n_sides: int
     degree: int
+    projection: str
     values_sqa: Float
     points_sqx: Float
 
@@ -131,7 +169,7 @@ def build_elements(mesh: PolygonMesh, settings: ElementSettings, cell_ids: Int |
         for part, triangles in sub_triangles(polygons_cvx[representatives]):
             shapes = polygons_cvx[representatives[part]]
             names = cells[representatives[part]] if cell_ids is None else cell_ids[cells[representatives[part]]]
-            for degree, chosen, tables in _choose_degree(shapes, triangles, names, settings):
+            for space, chosen, tables in _choose_space(shapes, triangles, names, settings):
                 position = np.full(len(representatives), -1, dtype=np.int64)
                 position[part[chosen]] = np.arange(len(chosen))
                 members = np.flatnonzero(position[shape_of] >= 0)
@@ -140,7 +178,8 @@ def build_elements(mesh: PolygonMesh, settings: ElementSettings, cell_ids: Int |
                         cells=cells[members],
                         shape_c=position[shape_of[members]].astype(np.int32),
                         n_sides=vertices_cv.shape[1],
-                        degree=degree,
+                        degree=space.degree,
+                        projection=space.label,
                         n_basis=n_scalar_dofs(vertices_cv.shape[1], settings.order),
                         B_sqra=tables.B_sqra,
                         w_sq=tables.w_sq,
@@ -174,30 +213,30 @@ class Tables:
         return Tables(self.B_sqra[chosen], self.w_sq[chosen], self.values_sqa[chosen], self.points_sqx[chosen])
 
 
-def tabulate(polygons_cvx: Float, triangles_ctpx: Float, k: int, degree: int, quadrature: int) -> Tables:
-    """Projected basis and its derivatives at the quadrature points of every polygon; see :class:`ElementGroup`."""
-    geometry = PolygonGeometry.of(polygons_cvx, max(degree, k))
-    elliptic = elliptic_projector(geometry, k)
-    grad_x, grad_y = gradient_projector(geometry, k, degree, elliptic)
-    points, weights = on_triangles(triangles_ctpx, quadrature)
-    xi = (points - geometry.centroid_cx[:, None]) / geometry.diameter_c[:, None, None]
-    m = monomials.values(max(degree, k), xi)
-    m_l = m[..., : monomials.dimension(degree)]
-    d_xi, d_eta = monomials.derivative_matrices(degree)
-    inverse_h = 1.0 / geometry.diameter_c[:, None, None]
-    dm_x, dm_y = (m_l @ d_xi.T) * inverse_h, (m_l @ d_eta.T) * inverse_h
+def tabulate(
+    polygons_cvx: Float, triangles_ctpx: Float, k: int, space: int | ProjectionSpace, quadrature: int
+) -> Tables:
+    """Projected basis and its derivatives at the quadrature points of every polygon; see :class:`ElementGroup`.
 
-    n_shapes, n_points = weights.shape
-    n_basis = grad_x.shape[2]
-    B_sqra = np.zeros((n_shapes, n_points, N_ROWS, padded(n_basis)))
-    # second derivatives first index fastest: d1 of (d/dx v), d1 of (d/dy v), then d2 of both
-    rows = (m_l @ grad_x, m_l @ grad_y, dm_x @ grad_x, dm_x @ grad_y, dm_y @ grad_x, dm_y @ grad_y)
-    for r, row in enumerate(rows):
-        B_sqra[:, :, r, :n_basis] = row
+    Args:
+        polygons_cvx, triangles_ctpx: polygons and their sub-triangles.
+        k: order.
+        space: what gradients are projected on; a number l stands for [P_l]^2.
+        quadrature: degree of the rule on the sub-triangles.
+    """
+    if isinstance(space, int):
+        space = FullSpace(space)
+    shapes = Shapes.of(polygons_cvx, triangles_ctpx, k, space.degree)
+    barycentric, _ = triangle(quadrature)
+    points, weights = on_triangles(triangles_ctpx, quadrature)
+    n_basis = shapes.n_basis
+    B_sqra = np.zeros((*weights.shape, N_ROWS, padded(n_basis)))
+    B_sqra[..., :n_basis] = space.rows(shapes, barycentric)
     return Tables(
         B_sqra=B_sqra,
         w_sq=weights,
-        values_sqa=m[..., : monomials.dimension(k)] @ value_projector(geometry, k, elliptic),
+        values_sqa=monomials.values(k, shapes.scaled_points(barycentric))
+        @ value_projector(shapes.geometry, k, shapes.elliptic_cad),
         points_sqx=points - polygons_cvx[:, :1],
     )
 
@@ -258,38 +297,44 @@ def first_candidate(n_sides: int, k: int) -> int:
     return max(k - 1, -(-(n_sides + 2 * k - 5) // 2))
 
 
-def _choose_degree(
+def _choose_space(
     shapes: Float, triangles: Float, names: Int, settings: ElementSettings
-) -> Iterator[tuple[int, Int, Tables]]:
-    """Split shapes by the l they get: (l, positions among ``shapes``, tables)."""
+) -> Iterator[tuple[ProjectionSpace, Int, Tables]]:
+    """Split shapes by the space they get: (space, positions among ``shapes``, tables)."""
     k, n_sides = settings.order, shapes.shape[1]
-    if settings.degree is not None:
-        tables = tabulate(shapes, triangles, k, settings.degree, settings.rule_degree(settings.degree))
-        spurious = spurious_modes(stability_constants(shapes, tables, k))
-        bad = np.flatnonzero(spurious > 0)
-        if len(bad):
-            free = ElementSettings(order=k, quadrature=settings.quadrature)
-            first = bad[:1]
-            works = next(_choose_degree(shapes[first], triangles[first], names[first], free))[0]
-            raise InputError(
-                f"cell {names[bad[0]]} has {n_sides} vertices: l = {settings.degree} leaves {spurious[bad[0]]} "
-                f"spurious mode{'s' if spurious[bad[0]] > 1 else ''}; use l >= {works}, or leave l to the spectral test"
-            )
-        yield settings.degree, np.arange(len(shapes)), tables
-        return
-
     pending = np.arange(len(shapes))
-    for degree in range(first_candidate(n_sides, k), LARGEST_DEGREE + 1):
-        tables = tabulate(shapes[pending], triangles[pending], k, degree, settings.rule_degree(degree))
-        least = SPURIOUS if degree == LARGEST_DEGREE else STABLE
-        full_rank = stability_constants(shapes[pending], tables, k)[:, 0] >= least
-        if full_rank.any():
-            chosen = np.flatnonzero(full_rank)
-            yield degree, pending[chosen], tables.take(chosen)
-        pending = pending[~full_rank]
+    for space, least in settings.candidates(n_sides):
+        tables = tabulate(shapes[pending], triangles[pending], k, space, settings.rule_degree(space.degree))
+        constants = stability_constants(shapes[pending], tables, k)
+        passes = constants[:, 0] >= least
+        if settings.degree is not None and not passes.all():
+            worst = int(np.flatnonzero(~passes)[0])
+            raise InputError(_refusal(shapes, triangles, names, settings, worst, spurious_modes(constants)[worst]))
+        if passes.any():
+            chosen = np.flatnonzero(passes)
+            yield space, pending[chosen], tables.take(chosen)
+        pending = pending[~passes]
         if not len(pending):
             return
-    raise InputError(
-        f"cell {names[pending[0]]} has {n_sides} vertices and spurious modes for every l up to {LARGEST_DEGREE}: "
-        "split it, or use fewer nodes on its straight sides"
+    cell = f"cell {names[pending[0]]} has {n_sides} vertices and spurious modes"
+    if settings.projection in ("full", "harmonic"):
+        raise InputError(
+            f"{cell} for every l up to {LARGEST_DEGREE}: leave the projection to 'auto', split the cell, or use fewer "
+            "nodes on its straight sides"
+        )
+    raise InputError(f"{cell} with the projection '{settings.projection}': its shape is degenerate, check the mesh")
+
+
+def _refusal(shapes: Float, triangles: Float, names: Int, settings: ElementSettings, worst: int, spurious: int) -> str:
+    """Message for a forced l that leaves spurious modes, with the l that does not."""
+    free = ElementSettings(settings.order, None, settings.quadrature, "full")
+    chosen = slice(worst, worst + 1)
+    problem = (
+        f"cell {names[worst]} has {shapes.shape[1]} vertices: l = {settings.degree} leaves {spurious} "
+        f"spurious mode{'s' if spurious > 1 else ''}; "
     )
+    try:
+        works = next(_choose_space(shapes[chosen], triangles[chosen], names[chosen], free))[0].degree
+    except InputError:
+        return f"{problem}so does every other l up to {LARGEST_DEGREE}: leave the projection to the spectral test"
+    return f"{problem}use l >= {works}, or leave l to the spectral test"

@@ -311,12 +311,12 @@ class VemSystem:
             smallest[block.cells] = J.min(axis=1)
         return mean, smallest
 
-    def projection_degrees(self) -> dict[int, int]:
-        """How many cells of the whole mesh use which l."""
-        counts: dict[int, int] = {}
-        for part in self.comm.allgather([(b.group.degree, len(b.cells)) for b in self.blocks]):
-            for degree, n_cells in part:
-                counts[degree] = counts.get(degree, 0) + n_cells
+    def projection_degrees(self) -> dict[str, int]:
+        """How many cells of the whole mesh use which l, or which space of another name."""
+        counts: dict[str, int] = {}
+        for part in self.comm.allgather([(b.group.projection, len(b.cells)) for b in self.blocks]):
+            for projection, n_cells in part:
+                counts[projection] = counts.get(projection, 0) + n_cells
         return dict(sorted(counts.items()))
 
     # -- internals -----------------------------------------------------------------------------------------------

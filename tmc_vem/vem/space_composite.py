@@ -1,0 +1,126 @@
+"""Explicit functions on the sub-triangles: the gradient of a continuous piecewise polynomial of degree k.
+
+The function has the traces of v. Its coefficients inside minimise ``int |grad w|^2`` with moments of v prescribed,
+those of degree up to k - 2, which are degrees of freedom, and those of Pi_nabla_k v of degree k - 1 and, where there
+are enough coefficients, k. For v in P_k the minimiser is v itself. The displacement within a cell is then continuous
+and known, the method is a conforming one with composite elements, and only rigid motions have no strain, on any
+polygon.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.vem import monomials
+from tmc_vem.vem.projector import moments_of_basis
+from tmc_vem.vem.quadrature import triangle
+from tmc_vem.vem.spaces import FullSpace, Shapes
+from tmc_vem.vem.triangulation import (
+    barycentric_gradients,
+    bernstein,
+    bernstein_gradients,
+    boundary_coefficients,
+    coefficient_numbers,
+    corner_numbers,
+    equal_topologies,
+)
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+
+# Prescribed moments leave at least so many coefficients to the minimisation.
+LEFT_FREE = 1
+
+
+@dataclass(frozen=True)
+class CompositeSpace:
+    """Gradients of continuous piecewise polynomials of degree k on the sub-triangles.
+
+    Attributes:
+        order: k.
+    """
+
+    order: int
+
+    @property
+    def label(self) -> str:
+        """Its name."""
+        return "composite"
+
+    @property
+    def degree(self) -> int:
+        """Degree of the second gradient's space [P_k]^2; that of the gradient is k - 1."""
+        return self.order
+
+    def rows(self, shapes: Shapes, barycentric_qp: Float) -> Float:
+        """See :class:`tmc_vem.vem.spaces.ProjectionSpace`; the second gradient is that of [P_k]^2."""
+        rows = FullSpace(self.order).rows(shapes, barycentric_qp)
+        slopes = bernstein_gradients(self.order, barycentric_qp)
+        corners = corner_numbers(shapes.polygons_cvx, shapes.triangles_ctpx)
+        for chosen, corners_tp in equal_topologies(corners):
+            part = shapes.take(chosen)
+            coefficients_ctna = reconstruction(part, corners_tp)
+            gradients, _ = barycentric_gradients(part.triangles_ctpx)
+            first = np.einsum("qnp,ctpx,ctna->ctqxa", slopes, gradients, coefficients_ctna, optimize=True)
+            rows[chosen, :, :2] = first.reshape(len(part), -1, 2, part.n_basis)
+        return rows
+
+
+def reconstruction(shapes: Shapes, corners_tp: Int) -> Float:
+    """Bernstein coefficients (n_shapes, n_triangles, n, n_basis) of the piecewise polynomials of the basis.
+
+    Args:
+        shapes: polygons whose sub-triangulations have the same topology.
+        corners_tp: vertices of the sub-triangles.
+    """
+    k, n_sides = shapes.order, shapes.geometry.n_sides
+    numbers, n_total = coefficient_numbers(corners_tp, n_sides, k)
+    n_boundary, n_inside = n_sides * k, n_total - n_sides * k
+    n_moments = monomials.dimension(_moment_degree(k, n_inside))
+    stiffness, moments = _assemble(shapes, numbers, n_total, n_moments)
+
+    known = np.zeros((n_boundary, shapes.n_basis))
+    known[:, :n_boundary] = boundary_coefficients(n_sides, k)
+    target = moments_of_basis(shapes.geometry, k, k, shapes.elliptic_cad)[:, :n_moments]
+    matrix = np.zeros((len(shapes), n_inside + n_moments, n_inside + n_moments))
+    matrix[:, :n_inside, :n_inside] = stiffness[:, n_boundary:, n_boundary:]
+    matrix[:, n_inside:, :n_inside] = moments[:, :, n_boundary:]
+    matrix[:, :n_inside, n_inside:] = np.swapaxes(moments[:, :, n_boundary:], 1, 2)
+    rhs = np.concatenate(
+        [-stiffness[:, n_boundary:, :n_boundary] @ known, target - moments[:, :, :n_boundary] @ known], axis=1
+    )
+    inside = np.linalg.solve(matrix, rhs)[:, :n_inside]
+    everywhere = np.concatenate([np.broadcast_to(known, (len(shapes), *known.shape)), inside], axis=1)
+    coefficients: Float = everywhere[:, numbers]
+    return coefficients
+
+
+def _moment_degree(k: int, n_inside: int) -> int:
+    """Largest degree of prescribed moments, between k - 2 and k, that leaves the minimisation something to choose."""
+    for degree in (k, k - 1):
+        if monomials.dimension(degree) + LEFT_FREE <= n_inside:
+            return degree
+    return k - 2
+
+
+def _assemble(shapes: Shapes, numbers: Int, n_total: int, n_moments: int) -> tuple[Float, Float]:
+    """Stiffness (n_shapes, n_total, n_total) of the Laplacian and moments (n_shapes, n_moments, n_total) over the
+    scaled polygons."""
+    k = shapes.order
+    barycentric, weights = triangle(2 * k)
+    gradients, area = barycentric_gradients(shapes.triangles_ctpx)
+    slopes = np.einsum("qnp,ctpx->ctqnx", bernstein_gradients(k, barycentric), gradients)
+    local = np.einsum("ct,q,ctqnx,ctqmx->ctnm", area, weights, slopes, slopes, optimize=True)
+    m = monomials.values(k, shapes.scaled_points(barycentric))[..., :n_moments]
+    m = m.reshape(len(shapes), len(numbers), len(weights), n_moments)
+    scaled_area = area / shapes.geometry.diameter_c[:, None] ** 2
+    local_moments = np.einsum("ct,q,ctqa,qn->ctan", scaled_area, weights, m, bernstein(k, barycentric), optimize=True)
+    stiffness = np.zeros((len(shapes), n_total, n_total))
+    moments = np.zeros((len(shapes), n_moments, n_total))
+    for t, at in enumerate(numbers):
+        stiffness[:, at[:, None], at] += local[:, t]
+        moments[:, :, at] += local_moments[:, t]
+    return stiffness, moments

@@ -1,0 +1,129 @@
+"""Sub-triangulations as graphs, and Bernstein polynomials on them: what piecewise spaces share.
+
+Bernstein polynomials ``B_a = k!/a! lambda^a`` of neighbouring triangles agree on the common side if their coefficients
+there do, for any k and any orientation: numbering them is all that continuity takes.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from math import factorial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.vem.projector import edge_basis
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+
+
+def corner_numbers(polygons_cvx: Float, triangles_ctpx: Float) -> Int:
+    """Vertex (n_cells, n_triangles, 3) of every corner of the sub-triangles; n_sides stands for the hub of a fan."""
+    n_sides = polygons_cvx.shape[1]
+    distance = np.abs(triangles_ctpx[:, :, :, None] - polygons_cvx[:, None, None]).max(axis=-1)
+    number: Int = distance.argmin(axis=-1)
+    extent = np.ptp(polygons_cvx, axis=1).max(axis=-1)
+    number[distance.min(axis=-1) > 1e-12 * extent[:, None, None]] = n_sides
+    return number
+
+
+def equal_topologies(corners_ctp: Int) -> list[tuple[Int, Int]]:
+    """Pairs of cells (n,) and the corners (n_triangles, 3) that all of them have."""
+    flat = corners_ctp.reshape(len(corners_ctp), -1)
+    kinds, kind_of = np.unique(flat, axis=0, return_inverse=True)
+    return [
+        (np.flatnonzero(kind_of.reshape(-1) == n), kind.reshape(corners_ctp.shape[1:])) for n, kind in enumerate(kinds)
+    ]
+
+
+def sides_of(corners_tp: Int) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """Triangles and their local side (from corner s to s + 1) at every side, by its sorted ends."""
+    sides: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for t, corners in enumerate(corners_tp.tolist()):
+        for s in range(3):
+            a, b = corners[s], corners[(s + 1) % 3]
+            sides.setdefault((min(a, b), max(a, b)), []).append((t, s))
+    return sides
+
+
+@cache
+def exponents(degree: int) -> Int:
+    """(n, 3) exponents of the barycentric coordinates."""
+    table = [(i, j, degree - i - j) for i in range(degree, -1, -1) for j in range(degree - i, -1, -1)]
+    return np.array(table, dtype=np.int64)
+
+
+def bernstein(degree: int, barycentric_qp: Float) -> Float:
+    """Bernstein polynomials (n_points, n)."""
+    powers = exponents(degree)
+    factor = np.array([factorial(degree) / np.prod([factorial(a) for a in row]) for row in powers.tolist()])
+    values: Float = factor * np.prod(barycentric_qp[:, None] ** powers, axis=2)
+    return values
+
+
+def bernstein_gradients(degree: int, barycentric_qp: Float) -> Float:
+    """Derivatives (n_points, n, 3) with respect to the barycentric coordinates."""
+    lower = {tuple(row): n for n, row in enumerate(exponents(degree - 1).tolist())}
+    values = bernstein(degree - 1, barycentric_qp)
+    result = np.zeros((len(barycentric_qp), len(exponents(degree)), 3))
+    for n, row in enumerate(exponents(degree).tolist()):
+        for p in range(3):
+            if row[p]:
+                below = tuple(a - (i == p) for i, a in enumerate(row))
+                result[:, n, p] = degree * values[:, lower[below]]
+    return result
+
+
+def coefficient_numbers(corners_tp: Int, n_sides: int, degree: int) -> tuple[Int, int]:
+    """Number (n_triangles, n) of every coefficient of continuous piecewise polynomials, and how many there are.
+
+    The first ``n_sides degree`` are on the boundary: vertices, then side after side in the polygon's direction.
+    """
+    numbers: dict[tuple[int, ...], int] = {(v,): v for v in range(n_sides)}
+    for s in range(n_sides):
+        for m in range(1, degree):
+            numbers[_on_side(s, (s + 1) % n_sides, degree - m, m)] = n_sides + s * (degree - 1) + m - 1
+    free = n_sides * degree
+    table = np.empty((len(corners_tp), len(exponents(degree))), dtype=np.int64)
+    for t, corners in enumerate(corners_tp.tolist()):
+        for n, powers in enumerate(exponents(degree).tolist()):
+            ends = [p for p in range(3) if powers[p]]
+            if len(ends) == 1:
+                key: tuple[int, ...] = (corners[ends[0]],)
+            elif len(ends) == 2:
+                key = _on_side(corners[ends[0]], corners[ends[1]], powers[ends[0]], powers[ends[1]])
+            else:
+                key = (t, *powers, -1, -1)
+            if key not in numbers:
+                numbers[key] = free
+                free += 1
+            table[t, n] = numbers[key]
+    return table, free
+
+
+def _on_side(a: int, b: int, power_a: int, power_b: int) -> tuple[int, ...]:
+    return (a, b, power_a, power_b) if a < b else (b, a, power_b, power_a)
+
+
+def boundary_coefficients(n_sides: int, degree: int) -> Float:
+    """Boundary coefficients (n_sides degree, n_sides degree) from vertex values and Gauss-Lobatto values of sides."""
+    points = np.linspace(0.0, 1.0, degree + 1)
+    along = bernstein(degree, np.stack([1.0 - points, points, np.zeros_like(points)], axis=1))
+    on_side = [n for n, powers in enumerate(exponents(degree).tolist()) if powers[2] == 0]
+    from_values = np.linalg.solve(along[:, on_side], edge_basis(degree, points))
+    result = np.eye(n_sides * degree)
+    for s in range(n_sides):
+        first = n_sides + s * (degree - 1)
+        inside = np.arange(first, first + degree - 1)
+        result[np.ix_(inside, [s, *inside, (s + 1) % n_sides])] = from_values[1:degree]
+    return result
+
+
+def barycentric_gradients(triangles_ctpx: Float) -> tuple[Float, Float]:
+    """Gradients (n_cells, n_triangles, 3, 2) of the barycentric coordinates, and areas (n_cells, n_triangles)."""
+    edge1, edge2 = triangles_ctpx[:, :, 1] - triangles_ctpx[:, :, 0], triangles_ctpx[:, :, 2] - triangles_ctpx[:, :, 0]
+    twice = edge1[..., 0] * edge2[..., 1] - edge1[..., 1] * edge2[..., 0]
+    second = np.stack([edge2[..., 1], -edge2[..., 0]], axis=-1) / twice[..., None]
+    third = np.stack([-edge1[..., 1], edge1[..., 0]], axis=-1) / twice[..., None]
+    return np.stack([-second - third, second, third], axis=2), 0.5 * twice
