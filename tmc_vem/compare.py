@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from tmc_vem.batch import Job, Observer, Outcome, run_batch
 from tmc_vem.errors import InputError
 from tmc_vem.fem.richardson import extrapolate
 from tmc_vem.paper.values import table2
-from tmc_vem.problems import Box, Medium
+from tmc_vem.problems import Bodies, Box, CBox, Medium, Punch
 from tmc_vem.problems.base import Problem
 from tmc_vem.report.comparison import Comparison, Converged, Method, comparison_page
 from tmc_vem.report.page import Picture, picture
@@ -19,6 +19,7 @@ from tmc_vem.report.tables import full_gap, runs_csv
 from tmc_vem.report.write import write_page
 from tmc_vem.results import RunResult, write_atomically
 from tmc_vem.simulation import RunOptions
+from tmc_vem.triangulated import Triangulated
 
 METHODS = ("vem", "fem")
 COST = {"vem": 1.0, "fem": 2.0}
@@ -87,8 +88,35 @@ def box_study(
         names = {"fem_fine": "FEM, fine mesh", "vem_mesh1": "VEM, mesh 1", "vem_mesh2": "VEM, mesh 2",
                  "vem_mesh3": "VEM, mesh 3"}  # fmt: skip
         paper = {names[column]: (cells_of_paper[column].value, cells_of_paper[column].suspect) for column in names}
-    title = f"Box: VEM and FEM, gamma = {medium.gamma:g}, alpha_r = {medium.alpha_r:g}"
-    return Study(title, levels, options, paper)
+    return Study(f"Box: VEM and FEM, {_named(medium)}", levels, options, paper)
+
+
+def cbox_study(medium: Medium, uy: float, factors: Sequence[int], options: Mapping[str, RunOptions]) -> Study:
+    """The C-box with 10 n x 5 n cells: polygons in the solid for virtual elements, quadrilaterals for finite ones."""
+    levels = []
+    for n in factors:
+        cells = (10 * n, 5 * n)
+        problems = {
+            "vem": CBox(cells=cells, solid_cells="polygons", medium=medium, uy=uy),
+            "fem": CBox(cells=cells, solid_cells="quadrilaterals", medium=medium, uy=uy),
+        }
+        levels.append(Level(f"{cells[0]} x {cells[1]}", 1.0 / n, problems))
+    return Study(f"C-box: VEM and FEM, {_named(medium)}", levels, options)
+
+
+def voronoi_study(
+    make: Callable[[float], Punch | Bodies], medium: Medium, sizes: Sequence[float], options: Mapping[str, RunOptions]
+) -> Study:
+    """Punch or several bodies: Voronoi cells for virtual elements, triangles of the same size for finite ones."""
+    levels = []
+    for size in sorted(sizes, reverse=True):
+        problem = make(size)
+        levels.append(Level(f"size {size:g}", size, {"vem": problem, "fem": Triangulated(problem, size)}))
+    return Study(f"{levels[0].problems['vem'].name.title()}: VEM and FEM, {_named(medium)}", levels, options)
+
+
+def _named(medium: Medium) -> str:
+    return f"gamma = {medium.gamma:g}, alpha_r = {medium.alpha_r:g}"
 
 
 def compare(

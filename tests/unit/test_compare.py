@@ -13,12 +13,15 @@ from pathlib import Path
 
 import pytest
 
-from tmc_vem.compare import converged
+from tmc_vem.compare import METHODS, cbox_study, converged, voronoi_study
 from tmc_vem.errors import InputError
 from tmc_vem.paper.tables import table2_sections, table3_jobs
 from tmc_vem.paper.values import table2, table3
+from tmc_vem.problems import Punch
+from tmc_vem.problems.cbox import angle_medium
 from tmc_vem.reproduce import TARGETS, reproduce
 from tmc_vem.results import RunResult, StepRecord
+from tmc_vem.simulation import RunOptions
 
 SHORT = ("--uy", "-0.05", "--factor", "1", "--factor", "2", "--factor", "3")
 
@@ -152,6 +155,21 @@ def test_bad_input_is_one_line(arguments: tuple[str, ...], message: str, tmp_pat
     assert message in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_studies_of_other_problems_differ_in_mesh_and_method_only() -> None:
+    options = {method: RunOptions(method) for method in METHODS}
+    medium = angle_medium(1e-4, 1.0)
+    cbox = cbox_study(medium, -0.3, (1, 2, 3), options)
+    punch = voronoi_study(lambda size: Punch(size=size, medium=medium), medium, (0.1, 0.2, 0.15), options)
+    for study in (cbox, punch):
+        jobs = study.jobs()
+        assert len({job.name for job in jobs.values()}) == 6
+        assert {str(job.inputs["medium"]) for job in jobs.values()} == {str(medium.as_dict())}
+    assert [level.size for level in punch.levels] == [0.2, 0.15, 0.1]
+    triangles = punch.jobs()["fem", "size 0.2"].problem
+    assert triangles.inputs()["triangle_size"] == 0.2
+    assert triangles.load() == punch.jobs()["vem", "size 0.2"].problem.load()
 
 
 def test_the_papers_tables() -> None:

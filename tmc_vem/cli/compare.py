@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from tmc_vem.cli.run import medium_options, parse_parameters
+from tmc_vem.cli.run import angle_medium_options, medium_options, parse_parameters
 from tmc_vem.errors import InputError
 
 FACTORS, QUICK_FACTORS = (1, 2, 4), (1, 2, 3)
@@ -44,24 +44,43 @@ def batch_options(out: str) -> Callable[[Callable[..., Any]], Callable[..., Any]
     return decorate
 
 
+def study_options(penalty: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Options of discretisation and load stepping that all comparisons share."""
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        options = [
+            click.option("--order", type=int, default=2, show_default=True, help="Order k of the elements: 2 or 3."),
+            click.option("--steps", type=int, help="Equal load steps. Default: automatic steps."),
+            click.option(
+                "--interior-penalty", type=click.Choice(["none", "penalty", "full"]), default=penalty,
+                show_default=True, help="fem: jumps of the gradient between elements of the medium.",
+            ),
+        ]  # fmt: skip
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+def factor_option(cells: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Option for the meshes of structured problems."""
+    text = f"Mesh of {cells} cells; give three or more. Default: 1, 2, 4; with --quick 1, 2, 3."
+    return click.option("--factor", "factors", type=click.IntRange(1), multiple=True, metavar="N", help=text)
+
+
+size_option = click.option(
+    "--size", "sizes", type=float, multiple=True, help="Size of cells; give three or more. Default: see the report."
+)
+
+
 @compare_group.command("box")
 @medium_options
 @click.option("--uy", type=float, default=-1.0, show_default=True, help="Displacement of the middle of the top.")
-@click.option(
-    "--factor", "factors", type=int, multiple=True, metavar="N",
-    help="Mesh of 20 N x 5 N cells; give three or more. Default: 1, 2, 4; with --quick 1, 2, 3.",
-)  # fmt: skip
-@click.option("--order", type=int, default=2, show_default=True, help="Order k of the elements: 2 or 3.")
-@click.option("--steps", type=int, help="Equal load steps. Default: automatic steps.")
-@click.option(
-    "--interior-penalty", type=click.Choice(["none", "penalty", "full"]), default="none", show_default=True,
-    help="fem: jumps of the gradient between elements of the medium.",
-)  # fmt: skip
+@factor_option("20 N x 5 N")
+@study_options("none")
 @batch_options("runs/compare-box")
-def box(
-    uy: float, factors: tuple[int, ...], order: int, steps: int | None, interior_penalty: str, out: Path, jobs: int,
-    quick: bool, **options: Any,
-) -> None:  # fmt: skip
+def box(uy: float, factors: tuple[int, ...], out: Path, jobs: int, quick: bool, **options: Any) -> None:
     """Self-contact within a box (section 5.1 of Xu & Wriggers). Examples:
 
     \b
@@ -69,26 +88,111 @@ def box(
       tmc-vem compare box --gamma 1e-4 --alpha-r 1 --factor 2 --factor 4 --factor 8
     """
     from tmc_vem.compare import box_study
-    from tmc_vem.fem.settings import FemSettings
-    from tmc_vem.problems import Medium
-    from tmc_vem.simulation import RunOptions
-    from tmc_vem.vem.element import ElementSettings
 
-    chosen = tuple(sorted(set(factors))) or (QUICK_FACTORS if quick else FACTORS)
-    if len(chosen) < 3:
-        raise InputError(f"{len(chosen)} meshes: convergence shows on three or more, for example --factor 1 2 4 each")
-    medium = Medium(
+    _compare(box_study(_medium(options), uy, _factors(factors, quick), _methods(options)), out, jobs)
+
+
+@compare_group.command("cbox")
+@angle_medium_options(gamma=1e-5, alpha_r=1.0)
+@click.option("--uy", type=float, default=-0.5, show_default=True, help="Displacement of the upper right corner.")
+@factor_option("10 N x 5 N")
+@study_options("none")
+@batch_options("runs/compare-cbox")
+def cbox(uy: float, factors: tuple[int, ...], out: Path, jobs: int, quick: bool, **options: Any) -> None:
+    """Self-contact of the C-box (section 5.2 of Xu & Wriggers). Example:
+
+    \b
+      tmc-vem compare cbox --quick
+    """
+    from tmc_vem.compare import cbox_study
+
+    _compare(cbox_study(_medium(options), uy, _factors(factors, quick), _methods(options)), out, jobs)
+
+
+@compare_group.command("punch")
+@angle_medium_options(gamma=1e-4, alpha_r=1.0)
+@click.option("--uy", type=float, default=-1.3, show_default=True, help="Displacement of the punch's top.")
+@click.option("--stiffness", type=float, default=1.0, show_default=True, help="Of the punch; the paper: 1 and 100.")
+@size_option
+@study_options("penalty")
+@batch_options("runs/compare-punch")
+def punch(
+    uy: float, stiffness: float, sizes: tuple[float, ...], out: Path, jobs: int, quick: bool, **options: Any
+) -> None:
+    """Round punch pressed into a block (section 5.3 of Xu & Wriggers). Example:
+
+    \b
+      tmc-vem compare punch --quick
+    """
+    from tmc_vem.compare import voronoi_study
+    from tmc_vem.problems import Punch
+
+    medium = _medium(options)
+    chosen = _three("--size", sizes) or ((0.25, 0.2, 0.15) if quick else (0.2, 0.14, 0.1))
+    study = voronoi_study(
+        lambda size: Punch(size=size, stiffness=stiffness, medium=medium, uy=uy), medium, chosen, _methods(options)
+    )
+    _compare(study, out, jobs)
+
+
+@compare_group.command("bodies")
+@angle_medium_options(gamma=1e-4, alpha_r=10.0)
+@click.option("--uy", type=float, default=0.25, show_default=True, help="How far the half discs move to the beam.")
+@click.option("--case", type=int, default=1, show_default=True, help="1: half discs guided; 2: free in x.")
+@size_option
+@study_options("penalty")
+@batch_options("runs/compare-bodies")
+def bodies(uy: float, case: int, sizes: tuple[float, ...], out: Path, jobs: int, quick: bool, **options: Any) -> None:
+    """A beam between seven half discs (section 5.4 of Xu & Wriggers). Example:
+
+    \b
+      tmc-vem compare bodies --quick
+    """
+    from tmc_vem.compare import voronoi_study
+    from tmc_vem.problems import Bodies
+
+    medium = _medium(options)
+    chosen = _three("--size", sizes) or ((0.2, 0.15, 0.12) if quick else (0.15, 0.12, 0.1))
+    study = voronoi_study(
+        lambda size: Bodies(case=case, size=size, medium=medium, uy=uy), medium, chosen, _methods(options)
+    )
+    _compare(study, out, jobs)
+
+
+def _factors(given: tuple[int, ...], quick: bool) -> tuple[int, ...]:
+    return _three("--factor", given) or (QUICK_FACTORS if quick else FACTORS)
+
+
+def _three(option: str, given: tuple[Any, ...]) -> tuple[Any, ...]:
+    chosen = tuple(sorted(set(given)))
+    if 0 < len(chosen) < 3:
+        raise InputError(f"{len(chosen)} meshes: convergence shows on three or more, so give {option} three times")
+    return chosen
+
+
+def _medium(options: dict[str, Any]) -> Any:
+    from tmc_vem.problems import Medium
+
+    return Medium(
         gamma=options["gamma"],
         alpha_r=options["alpha_r"],
         beta=options["beta"],
         regulariser=options["regulariser"],
         parameters=parse_parameters(options["parameters"]),
     )
-    settings = {
+
+
+def _methods(options: dict[str, Any]) -> dict[str, Any]:
+    from tmc_vem.fem.settings import FemSettings
+    from tmc_vem.simulation import RunOptions
+    from tmc_vem.vem.element import ElementSettings
+
+    order, steps = options["order"], options["steps"]
+    fem = FemSettings(order=order, interior_penalty=options["interior_penalty"])
+    return {
         "vem": RunOptions("vem", element=ElementSettings(order), steps=steps),
-        "fem": RunOptions("fem", fem=FemSettings(order=order, interior_penalty=interior_penalty), steps=steps),
+        "fem": RunOptions("fem", fem=fem, steps=steps),
     }
-    _compare(box_study(medium, uy, chosen, settings), out, jobs)
 
 
 def _compare(study: Any, out: Path, jobs: int) -> None:
