@@ -223,7 +223,8 @@ class _Pool:
         if outcome is None:
             worker.log.seek(0)
             lines = worker.log.read().decode(errors="replace").strip().splitlines()
-            reason = worker.error or (lines[-1] if lines else f"ended with code {code}")
+            default = f"ended with code {code}" if code else "its result has other inputs: was the program changed?"
+            reason = worker.error or (lines[-1] if lines and code else default)
             outcome = Outcome(worker.job, None, reason)
         else:
             outcome = Outcome(worker.job, outcome.result)
