@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -47,15 +45,6 @@ def test_triangles_and_quadrilaterals_agree(mode: str) -> None:
     medium = Medium(gamma=1e-4, alpha_r=1.0)
     quadrilaterals = gap((40, 20), medium, interior_penalty=mode)
     assert gap((40, 20), medium, interior_penalty=mode, triangles=True) == pytest.approx(quadrilaterals, rel=0.05)
-
-
-def table_2() -> list[dict[str, str]]:
-    """Rows of the paper's Table 2, if the table is there."""
-    for folder in (Path(__file__).parents[1] / "paper", Path(__file__).parents[2] / "paper"):
-        path = folder / "table2.csv"
-        if path.exists():
-            return list(csv.DictReader(line for line in path.read_text().splitlines() if not line.startswith("#")))
-    return []
 
 
 # alpha_r, gamma, gap of the fine finite element mesh in Table 2; where it is suspect or missing, our own fine mesh's
