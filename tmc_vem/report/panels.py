@@ -13,6 +13,7 @@ from tmc_vem.fields import Fields
 from tmc_vem.report.figures import COLOURS, MEDIUM, _outline
 
 Float = NDArray[np.float64]
+FOOT = 0.9  # inches below the panels for the scale of colours
 QUANTITIES = {"ux": "$u_x$", "uy": "$u_y$", "J": "$J$", "energy": "energy density"}
 
 
@@ -55,11 +56,11 @@ def draw_panels(
     columns = min(columns, len(states))
     rows = math.ceil(len(states) / columns)
     panel = float(np.clip(width / columns * extent[1] / extent[0], 0.8, 7.0)) + 0.45
-    figure = Figure(figsize=(width, rows * panel + 0.7))
+    figure = Figure(figsize=(width, rows * panel + FOOT))
     FigureCanvasAgg(figure)
     grid = figure.subplots(rows, columns, squeeze=False)
-    bottom = 0.7 / (rows * panel + 0.7)
-    figure.subplots_adjust(0.02, bottom, 0.98, 1 - 0.3 / (rows * panel + 0.7), 0.04, 0.16)
+    bottom = FOOT / (rows * panel + FOOT)
+    figure.subplots_adjust(0.02, bottom, 0.98, 1 - 0.3 / (rows * panel + FOOT), 0.04, 0.16)
     for axes in grid.flat:
         axes.set_axis_off()
     for axes, (title, fields), points, colour in zip(grid.flat, states, deformed, colours, strict=False):
@@ -67,7 +68,7 @@ def draw_panels(
         axes.set_xlim(low[0] - 0.02 * extent[0], high[0] + 0.02 * extent[0])
         axes.set_ylim(low[1] - 0.02 * extent[1], high[1] + 0.02 * extent[1])
         axes.set_title(title, fontsize=9)
-    bar = figure.add_axes((0.25, 0.45 * bottom + 0.1 * bottom, 0.5, 0.2 * bottom))
+    bar = figure.add_axes((0.25, 0.6 * bottom, 0.5, 0.15 * bottom))
     figure.colorbar(
         ScalarMappable(norm=scale, cmap=COLOURS), cax=bar, orientation="horizontal", label=QUANTITIES[quantity]
     )
