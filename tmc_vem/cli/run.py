@@ -269,6 +269,8 @@ def method_settings(options: dict[str, Any]) -> dict[str, Any]:
     if options["method"] == "fem":
         if options["degree"] is not None:
             raise InputError("--l belongs to --method vem: finite elements project nothing")
+        if options["projection"] != "auto":
+            raise InputError("--projection belongs to --method vem: finite elements project nothing")
         quadrature = {} if options["quadrature"] is None else {"quadrature": options["quadrature"]}
         return {
             "fem": FemSettings(
