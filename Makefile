@@ -7,7 +7,7 @@ export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMPI_MCA_rmaps_base_oversubscribe := 1
 
-.PHONY: demo test test-slow test-paper lint format golden setup clean
+.PHONY: demo test test-slow test-paper test-trixie lint format golden setup clean
 
 demo: .venv/.ready ## solve the box; show gap, picture and where the report is
 	$(PYTHON) demos/demo_box.py
@@ -20,6 +20,9 @@ test-slow: .venv/.ready ## longer checks
 
 test-paper: .venv/.ready ## figures of the paper
 	$(PYTHON) -m pytest -m paper
+
+test-trixie: ## FEM tests on Debian 13 with dolfinx 0.9, in a chroot; needs root
+	./scripts/test-trixie.sh
 
 lint: .venv/.ready ## style and types
 	.venv/bin/ruff check .

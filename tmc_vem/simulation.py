@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 from tmc_vem.errors import InputError, TmcError
 from tmc_vem.fem.settings import FemSettings
 from tmc_vem.monitor import Monitor
+from tmc_vem.parallel import on_root
 from tmc_vem.problems.base import Problem, RegionEnergy
 from tmc_vem.results import RunDirectory, RunResult
 from tmc_vem.timing import Timer
@@ -106,7 +107,7 @@ def run(
     with timer("set-up"):
         directory = None
         if out is not None:
-            directory = _on_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume))
+            directory = comm.bcast(on_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume)))
         system = discretise(problem, options, comm)
         solver = NewtonSolver(system, timer=timer)
         inputs = run_inputs(problem, options)
@@ -169,21 +170,6 @@ def compile_region(region: RegionEnergy) -> tuple[Any, Any]:
     energy = region.energy
     kernel = compile_energy(energy.density, energy.name, energy.parameters, energy.description)
     return kernel, kernel.parameter_array(region.values)
-
-
-def _on_root(comm: Any, make: Callable[[], RunDirectory]) -> RunDirectory:
-    """Make something on rank 0; all ranks get it, or its error."""
-    made: RunDirectory | TmcError | None = None
-    if comm.rank == 0:
-        try:
-            made = make()
-        except TmcError as error:
-            made = error
-    made = comm.bcast(made)
-    if isinstance(made, TmcError):
-        raise made
-    assert made is not None
-    return made
 
 
 def run_inputs(problem: Problem, options: RunOptions) -> dict[str, Any]:
