@@ -154,17 +154,15 @@ def beam_mesh(cells: int, layers: int, r: int) -> PolygonMesh:
 
 
 def study_beam() -> None:
-    """Force at the end of a clamped beam, relative to that on 80 x 8 squares; end displacement 2."""
-    conditions = (Prescribed("clamped", 0), Prescribed("clamped", 1), Prescribed("end", 1, 2.0))
+    """Force at the end of a clamped beam, relative to that on 80 x 8 squares; end displacement 0.1."""
+    conditions = (Prescribed("clamped", 0), Prescribed("clamped", 1), Prescribed("end", 1, 0.1))
 
     def force(mesh: PolygonMesh, projection: str) -> float:
         system = make_system(mesh, region("solid", K=20.0, mu=10.0), conditions, ElementSettings(projection=projection))
-        solver, u = NewtonSolver(system), system.create_vector()
-        for load in np.linspace(0.1, 1.0, 10):
-            array = u.getArray()
-            array[system.constrained()] = system.prescribed(float(load))
-            if not solver.solve(u).converged:
-                return float("nan")
+        start = interpolate(system, lambda p: np.stack([0.0 * p[:, 0], 0.1 * (p[:, 0] / 10.0) ** 2], axis=1))
+        solver = NewtonSolver(system)
+        if not solver.solve(start).converged:
+            return float("nan")
         return float(system.reaction(solver.residual, "end", 1))
 
     exact = force(beam_mesh(80, 8, 1), "full")
