@@ -5,7 +5,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 chroot_dir=$(realpath -m "${1:-build/trixie}")
-mirror=${DEBIAN_MIRROR:-}
+mirror=${DEBIAN_MIRROR:-} # empty: the one that debootstrap knows
 packages="gcc libc6-dev python3-cffi python3-click python3-dolfinx-real python3-gmsh python3-h5py python3-hypothesis
   python3-matplotlib python3-meshio python3-mpmath python3-numpy python3-petsc4py-real python3-pytest python3-rich
   python3-scipy python3-sympy openmpi-bin"
@@ -16,7 +16,7 @@ if [ "$(id -u)" -ne 0 ]; then
 fi
 if [ ! -e "$chroot_dir/.tmc-ready" ]; then
   command -v debootstrap >/dev/null || { apt-get update -q && apt-get install -qy --no-install-recommends debootstrap; }
-  [ -x "$chroot_dir/usr/bin/apt-get" ] || debootstrap --variant=minbase trixie "$chroot_dir" "$mirror"
+  [ -x "$chroot_dir/usr/bin/apt-get" ] || debootstrap --variant=minbase trixie "$chroot_dir" ${mirror:+"$mirror"}
   chroot "$chroot_dir" sh -c "export DEBIAN_FRONTEND=noninteractive; apt-get update -q &&
     apt-get install -qy --no-install-recommends $(echo $packages)"
   touch "$chroot_dir/.tmc-ready"
