@@ -119,7 +119,9 @@ run_batch(jobs, Path(sys.argv[1]), processes=1)
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 def test_a_batch_that_is_killed_goes_on_where_it_was(tmp_path: Path, how: signal.Signals) -> None:
     command = [sys.executable, "-c", BATCH, str(tmp_path)]
-    batch = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    # a shell that starts the tests in the background has SIGINT ignored, and children inherit that
+    unignore = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # noqa: E731
+    batch = subprocess.Popen(command, stderr=subprocess.DEVNULL, preexec_fn=unignore)
     limit = time.monotonic() + 60.0
     while len(list(tmp_path.glob("*/result.json"))) < 1:
         assert time.monotonic() < limit
