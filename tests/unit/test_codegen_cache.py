@@ -120,6 +120,7 @@ def test_a_killed_compilation_leaves_nothing_that_could_be_loaded(cache, tmp_pat
 
 def test_a_damaged_kernel_is_named(cache):
     library = compile_energy(square, "square", ()).library
+    library.unlink()  # the file itself is mapped into this process and must stay whole
     library.write_bytes(b"half")
     # A fresh process: a shared object that is loaded already is not read again.
     code = "import test_codegen_cache as t; from codegen.kernel import Kernel; Kernel(t.Path({!r}), 'square', ())"

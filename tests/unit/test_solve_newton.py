@@ -233,7 +233,7 @@ def test_an_impossible_load_ends_with_the_last_converged_state(options):
     assert not result.complete
     assert 0.3 < result.load < 1.0 / 1.4
     assert result.load == steps[-1].load
-    assert "steps below 0.001 of the load fail" in result.reason
+    assert "steps down to 0.001 of the load" in result.reason
     assert result.failed_attempts > 0
     assert u.getArray().tolist() == states[-1].tolist()
     assert system.energy(u).admissible
