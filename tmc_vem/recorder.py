@@ -119,11 +119,14 @@ class Recorder:
         with self.timer("output"):
             self.system.residual(u, residual)
             imbalance = self._imbalance(residual)
+            share = self.system.cell_energies(u).sum() - self.system.cell_energies(u, without="alpha_r").sum()
+            regulariser = float(self.system.comm.allreduce(share))
             fields = gather_fields(self.system, u)
             checks = None
             if fields is not None:
                 contact = check_contact(fields, self._order)
                 checks = {**contact.as_dict(), "summary": contact.summary(), "imbalance": imbalance}
+                checks["regulariser_energy"] = regulariser
                 if self.directory is not None:
                     from tmc_vem.report.figures import draw_deformed
 

@@ -101,8 +101,8 @@ class RunResult:
         n_cells, n_dofs: size of the discretisation.
         cut_backs, newton_iterations: totals; the iterations include those of failed attempts.
         projection_degrees: number of cells by degree l (VEM only).
-        checks: interpenetration, gap along contact and imbalance of the reactions at the last converged step, see
-            :class:`tmc_vem.report.contact.ContactReport`.
+        checks: interpenetration, gap along contact, imbalance of the reactions and the regulariser's part of the
+            medium's energy at the last converged step, see :class:`tmc_vem.report.contact.ContactReport`.
         seconds: wall time by phase.
         history: the load steps.
         directory: where the run was written, or None.

@@ -91,3 +91,17 @@ def test_timer_counts_nested_phases_once() -> None:
     report = timer.report()
     assert sum(report[phase] for phase in ("outer", "inner", "other")) == pytest.approx(report["total"])
     assert report["inner"] > report["outer"]
+
+
+def test_last_state_is_checked(short_run: RunResult) -> None:
+    checks = short_run.checks
+    assert not checks["interpenetrates"]
+    assert checks["imbalance"] < 1e-9
+    assert 0.0 < checks["regulariser_energy"] < short_run.history[-1].energy["medium"]
+
+
+def test_both_methods_give_the_regulariser_the_same_energy(short_run: RunResult) -> None:
+    pytest.importorskip("dolfinx")
+    box = Box(cells=(20, 5), uy=-0.02, medium=Medium(gamma=1e-4))
+    fem = run(box, options=RunOptions(method="fem"))
+    assert fem.checks["regulariser_energy"] == pytest.approx(short_run.checks["regulariser_energy"], rel=0.05)

@@ -84,6 +84,7 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
         if last.negative_pivots:
             rows.append(("unstable", f"{last.negative_pivots} negative pivots"))
     if result.checks:
+        rows.append(("energy, regulariser", f"{result.checks['regulariser_energy']:.6e}, a part of the medium's"))
         rows.append(("contact", result.checks["summary"]))
         rows.append(("imbalance", f"{result.checks['imbalance']:.1e} of the largest reaction"))
     cuts = f", {result.cut_backs} cut-backs" if result.cut_backs else ""

@@ -203,9 +203,9 @@ class FemSystem:
         """(n_cells,) reference areas of this rank's cells."""
         return self.mesh.areas_c[: self.mesh.n_owned]
 
-    def cell_energies(self, u: Any) -> Float:
-        """(n_cells,) energies of this rank's cells, without the interior penalty."""
-        return self._cell_values(self._local_values(u))[0]
+    def cell_energies(self, u: Any, without: str = "") -> Float:
+        """(n_cells,) energies of this rank's cells, without the interior penalty; parameter ``without`` is set to 0."""
+        return self._cell_values(self._local_values(u), without)[0]
 
     def cell_jacobians(self, u: Any) -> tuple[Float, Float]:
         """Mean and smallest J (n_cells,) of this rank's cells."""
@@ -238,7 +238,7 @@ class FemSystem:
     def _first_gradient(self, u_nodes: Float) -> Float:
         return self.points.first_gradient(u_nodes[self.nodes.cell_nodes_ca[: self.mesh.n_owned]])
 
-    def _cell_values(self, u_nodes: Float) -> tuple[Float, Float]:
+    def _cell_values(self, u_nodes: Float, without: str = "") -> tuple[Float, Float]:
         """Energy and smallest J of this rank's cells.
 
         Near F = I the densities subtract numbers that are almost equal; numpy's extended precision, where the machine
@@ -248,7 +248,8 @@ class FemSystem:
         m = numpy_namespace()
         for name, cells in zip(self.region_names, self._cells_of, strict=True):
             region = self.densities[name]
-            p = SimpleNamespace(**{key: float(region.values[key]) for key in region.energy.parameters})
+            names = region.energy.parameters
+            p = SimpleNamespace(**{key: 0.0 if key == without else float(region.values[key]) for key in names})
             gradient, second = self.points.gradients(u_nodes[self.nodes.cell_nodes_ca[cells]], cells)
             min_j_c[cells] = jacobian(gradient).min(axis=1)
             F = [[gradient[..., i, j].astype(np.longdouble) + (i == j) for j in (0, 1)] for i in (0, 1)]

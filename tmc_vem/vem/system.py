@@ -288,12 +288,15 @@ class VemSystem:
             area_c[block.cells] = block.batch.w_sq.sum(axis=1)[block.batch.shape_c]
         return area_c
 
-    def cell_energies(self, u: Any) -> Float:
-        """Energy (n_cells,) of each local cell."""
+    def cell_energies(self, u: Any, without: str = "") -> Float:
+        """Energy (n_cells,) of each local cell; the parameter ``without``, where an energy has it, is set to 0."""
         u_nodes = self._local_values(u)
         energies = np.empty(self.distributed.mesh.n_cells)
         for block in self.blocks:
-            energies[block.cells] = self._evaluate(block, ENERGY, u_nodes).energy_c
+            parameters = block.parameters.copy()
+            parameters[[name == without for name in block.kernel.parameters]] = 0.0
+            values = block.kernel.cells(ENERGY, block.batch, u_nodes[block.nodes_ca], parameters)
+            energies[block.cells] = values.energy_c
         return energies
 
     def cell_jacobians(self, u: Any) -> tuple[Float, Float]:
