@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from helpers_process import process
 
 ROOT = Path(__file__).parents[1]
 DEMOS = sorted((ROOT / "demos").glob("demo_*.py"))
@@ -14,10 +13,7 @@ DEMOS = sorted((ROOT / "demos").glob("demo_*.py"))
 
 @pytest.mark.parametrize("demo", DEMOS, ids=lambda demo: demo.stem)
 def test_demo_runs_quickly(demo: Path, tmp_path: Path) -> None:
-    arguments = ["--quick", "--out", str(tmp_path / "runs")]
-    done = subprocess.run(
-        [sys.executable, str(demo), *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
-    )
+    done = process([str(demo), "--quick", "--out", str(tmp_path / "runs")], cwd=tmp_path, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from helpers_process import clean_environment
 
 from tmc_vem.batch import LOCK, Job, Observer, Outcome, run_batch
 from tmc_vem.errors import InputError
@@ -121,7 +122,7 @@ def test_a_batch_that_is_killed_goes_on_where_it_was(tmp_path: Path, how: signal
     command = [sys.executable, "-c", BATCH, str(tmp_path)]
     # a shell that starts the tests in the background has SIGINT ignored, and children inherit that
     unignore = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # noqa: E731
-    batch = subprocess.Popen(command, stderr=subprocess.DEVNULL, preexec_fn=unignore)
+    batch = subprocess.Popen(command, stderr=subprocess.DEVNULL, env=clean_environment(), preexec_fn=unignore)
     limit = time.monotonic() + 60.0
     while len(list(tmp_path.glob("*/result.json"))) < 1:
         assert time.monotonic() < limit
@@ -134,7 +135,7 @@ def test_a_batch_that_is_killed_goes_on_where_it_was(tmp_path: Path, how: signal
         time.sleep(0.05)
     before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*/result.json")}
     assert 1 <= len(before) < 3
-    assert subprocess.run(command, timeout=60, check=False).returncode == 0
+    assert subprocess.run(command, timeout=60, env=clean_environment(), check=False).returncode == 0
     after = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*/result.json")}
     assert len(after) == 3
     assert before.items() <= after.items()

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers_process import tmc
+from helpers_process import clean_environment, tmc
 
 from tmc_vem.checkpoint import BEFORE, CHECKPOINT, Checkpoint
 from tmc_vem.errors import InputError, TmcError
@@ -36,7 +36,7 @@ def whole_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def stopped_run(out: Path, number: int) -> int:
     """Start a run and send it a signal after its fifth step; the exit code."""
-    process = subprocess.Popen([*COMMAND, *BOX, "--out", str(out)], stderr=subprocess.DEVNULL)
+    process = subprocess.Popen([*COMMAND, *BOX, "--out", str(out)], stderr=subprocess.DEVNULL, env=clean_environment())
     deadline = time.monotonic() + 60
     history = out / "history.csv"
     while not history.exists() or len(history.read_text().splitlines()) < 6:

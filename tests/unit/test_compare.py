@@ -12,6 +12,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from helpers_process import clean_environment
 
 from tmc_vem.compare import METHODS, cbox_study, converged, voronoi_study
 from tmc_vem.errors import InputError
@@ -28,7 +29,9 @@ SHORT = ("--uy", "-0.05", "--factor", "1", "--factor", "2", "--factor", "3")
 
 def tmc(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", "from tmc_vem.cli.main import main; main()", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300, check=False)
+    return subprocess.run(
+        command, cwd=cwd, capture_output=True, text=True, timeout=300, env=clean_environment(), check=False
+    )
 
 
 @pytest.fixture(scope="module")
