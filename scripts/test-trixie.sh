@@ -6,7 +6,7 @@ cd "$(dirname "$0")/.."
 
 chroot_dir=$(realpath -m "${1:-build/trixie}")
 mirror=${DEBIAN_MIRROR:-} # empty: the one that debootstrap knows
-packages="gcc libc6-dev python3-cffi python3-click python3-dolfinx-real python3-gmsh python3-h5py python3-hypothesis
+packages="gcc libc6-dev python3-cffi python3-click python3-dolfinx-real python3-gmsh python3-hypothesis
   python3-matplotlib python3-meshio python3-mpmath python3-numpy python3-petsc4py-real python3-pytest python3-rich
   python3-scipy python3-sympy openmpi-bin"
 

@@ -1,8 +1,10 @@
 """Checkpoints: everything needed to go on with a run, on any number of ranks.
 
-A checkpoint is an HDF5 file that appears whole or not at all; the one before it is kept. Nodal values are stored with
-labels that do not depend on the distribution (coordinates, and a number that tells moments of a cell apart), so a run
-may go on with another number of ranks.
+A checkpoint is a NumPy archive that appears whole or not at all; the one before it is kept. (Not HDF5: where dolfinx is
+loaded too, its parallel HDF5 library and the serial one of h5py do not get on in one process.)
+
+Nodal values are stored with labels that do not depend on the distribution (coordinates, and a number that tells moments
+of a cell apart), so a run may go on with another number of ranks.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import hashlib
 import json
 import os
 import tempfile
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +27,7 @@ from tmc_vem.errors import InputError, TmcError
 
 Float = NDArray[np.float64]
 
-CHECKPOINT, BEFORE = "checkpoint.h5", "checkpoint-before.h5"
+CHECKPOINT, BEFORE = "checkpoint.npz", "checkpoint-before.npz"
 SCHEMA = 1
 _ARRAYS = ("labels_nz", "state_ni", "previous_ni")
 # Labels of the same node may differ by rounding; this fraction of the domain is far below any node spacing.
@@ -52,17 +55,13 @@ class Checkpoint:
         Raises:
             TmcError: the disk is full or the directory cannot be written.
         """
-        import h5py
-
-        handle, name = tempfile.mkstemp(dir=directory, prefix=".checkpoint-")
+        handle, name = tempfile.mkstemp(dir=directory, prefix=".checkpoint-", suffix=".npz")
         os.close(handle)
         try:
-            with h5py.File(name, "w") as file:
-                for key in _ARRAYS:
-                    file[key] = getattr(self, key)
-                file.attrs["schema"] = SCHEMA
-                file.attrs["facts"] = json.dumps(self.facts)
-                file.attrs["sha256"] = self._digest()
+            np.savez(
+                name, schema=SCHEMA, facts=json.dumps(self.facts), sha256=self._digest(),
+                labels_nz=self.labels_nz, state_ni=self.state_ni, previous_ni=self.previous_ni,
+            )  # fmt: skip
             with open(name, "rb") as written:
                 os.fsync(written.fileno())
             current = directory / CHECKPOINT
@@ -90,7 +89,7 @@ class Checkpoint:
                 return _read(directory / name)
             except FileNotFoundError:
                 problems.append(f"no {name}")
-            except (OSError, KeyError, ValueError) as error:
+            except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
                 problems.append(f"{name} is damaged ({error})")
         raise InputError(f"{directory} has no checkpoint to go on from: {'; '.join(problems)}")
 
@@ -120,14 +119,12 @@ class Checkpoint:
 
 
 def _read(path: Path) -> Checkpoint:
-    import h5py
-
     if not path.exists():
         raise FileNotFoundError(path)
-    with h5py.File(path, "r") as file:
-        if int(file.attrs["schema"]) > SCHEMA:
-            raise ValueError(f"schema {int(file.attrs['schema'])} is newer than {SCHEMA}")
-        checkpoint = Checkpoint(json.loads(file.attrs["facts"]), *(np.array(file[key]) for key in _ARRAYS))
-        if checkpoint._digest() != file.attrs["sha256"]:
+    with np.load(path, allow_pickle=False) as file:
+        if int(file["schema"]) > SCHEMA:
+            raise ValueError(f"schema {int(file['schema'])} is newer than {SCHEMA}")
+        checkpoint = Checkpoint(json.loads(str(file["facts"])), *(np.array(file[key]) for key in _ARRAYS))
+        if checkpoint._digest() != str(file["sha256"]):
             raise ValueError("its checksum is wrong")
     return checkpoint

@@ -23,7 +23,7 @@ from tmc_vem.errors import InputError
 SCHEMA = 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
 COMMAND = "command.json"
-_OWN = (RESULT, HISTORY, FIELDS, COLLECTION, PICTURE, COMMAND, "checkpoint.h5", "checkpoint-before.h5")
+_OWN = (RESULT, HISTORY, FIELDS, COLLECTION, PICTURE, COMMAND, "checkpoint.npz", "checkpoint-before.npz")
 
 
 @dataclass(frozen=True)
