@@ -7,7 +7,7 @@ export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMPI_MCA_rmaps_base_oversubscribe := 1
 
-.PHONY: demo test test-slow test-paper test-trixie lint format golden setup clean
+.PHONY: demo test test-slow test-paper test-trixie lint format golden docs linkcheck setup clean
 
 demo: .venv/.ready ## solve the box; show gap, picture and where the report is
 	$(PYTHON) demos/demo_box.py
@@ -35,6 +35,12 @@ format: .venv/.ready
 
 golden: .venv/.ready ## write the golden C files anew
 	$(PYTHON) tests/golden/update.py
+
+docs: .venv/.ready ## the site into build/docs/html; a warning is an error
+	.venv/bin/sphinx-build -q -W --keep-going -d build/docs/cache -b html docs build/docs/html
+
+linkcheck: .venv/.ready ## links to other sites; needs the network
+	.venv/bin/sphinx-build -q -d build/docs/cache -b linkcheck docs build/docs/links
 
 setup: .venv/.ready
 

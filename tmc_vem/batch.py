@@ -40,7 +40,7 @@ class Job:
 
     Attributes:
         label: start of the directory's name.
-        problem, options: arguments of :func:`tmc_vem.run`.
+        problem, options: arguments of :func:`tmc_vem.simulation.run`.
         cost: expected work relative to the other jobs of the batch, for the estimate of the time left.
     """
 

@@ -1,0 +1,53 @@
+"""Pages of the API reference: one a package, with all its modules, so that none is forgotten."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from gallery import write_if_changed
+
+ROOT = Path(__file__).parents[2]
+# page: (title, packages and modules in it)
+PAGES = {
+    "run": ("Problems and runs", ("tmc_vem.simulation", "tmc_vem.problems", "tmc_vem.constraints", "tmc_vem.compare",
+                                  "tmc_vem.reproduce", "tmc_vem.batch", "tmc_vem.errors", "tmc_vem.monitor", "tmc_vem.timing")),
+    "results": ("Results and fields", ("tmc_vem.results", "tmc_vem.fields", "tmc_vem.output", "tmc_vem.checkpoint",
+                                       "tmc_vem.recorder", "tmc_vem.export", "tmc_vem.sample", "tmc_vem.report")),
+    "energy": ("Energies", ("tmc_vem.energy",)),
+    "codegen": ("Code generator", ("codegen",)),
+    "mesh": ("Meshes", ("tmc_vem.mesh",)),
+    "vem": ("Virtual elements", ("tmc_vem.vem",)),
+    "fem": ("Finite elements", ("tmc_vem.fem",)),
+    "solve": ("Nonlinear solver", ("tmc_vem.solve",)),
+}  # fmt: skip
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Write the pages before the sources are read."""
+    app.connect("builder-inited", _write_pages)
+    return {"parallel_read_safe": True}
+
+
+def _write_pages(app: Any) -> None:
+    folder = Path(app.srcdir) / "api"
+    folder.mkdir(exist_ok=True)
+    for name, (title, roots) in PAGES.items():
+        modules = [module for root in roots for module in modules_of(root)]
+        blocks = [f"## {module}\n\n```{{eval-rst}}\n.. automodule:: {module}\n```\n" for module in modules]
+        write_if_changed(folder / f"{name}.md", f"# {title}\n\n" + "\n".join(blocks))
+    entries = "\n".join(PAGES)
+    write_if_changed(
+        folder / "index.md",
+        "# API reference\n\nMade from the docstrings. Axes are part of array names: `dNdX_qak` has the axes q "
+        f"(quadrature points), a (basis functions), k (directions).\n\n```{{toctree}}\n:maxdepth: 1\n\n{entries}\n```\n",
+    )
+
+
+def modules_of(root: str) -> list[str]:
+    """A module, or all public modules of a package."""
+    path = ROOT / root.replace(".", "/")
+    if not path.is_dir():
+        return [root] if path.with_suffix(".py").exists() else []
+    files = sorted(file for file in path.glob("*.py") if not file.stem.startswith("_"))
+    return [f"{root}.{file.stem}" for file in files]
