@@ -14,6 +14,7 @@ from tmc_vem.parallel import on_root
 from tmc_vem.problems.base import Problem, RegionEnergy
 from tmc_vem.results import RunDirectory, RunResult
 from tmc_vem.timing import Timer
+from tmc_vem.validation import check_fields, require_choice
 from tmc_vem.vem.element import ElementSettings
 
 METHODS = ("vem", "fem")
@@ -44,8 +45,8 @@ class RunOptions:
     overwrite: bool = False
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise InputError(f"unknown method '{self.method}': choose one of {', '.join(METHODS)}")
+        check_fields(self)
+        require_choice("method", self.method, METHODS)
         if not 0 <= self.snapshots <= 10_000:
             raise InputError(f"snapshots = {self.snapshots}: use 0 to 10000")
         if self.checkpoint_every < 0:

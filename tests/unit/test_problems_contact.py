@@ -89,9 +89,9 @@ def test_punch_stiffness_scales_both_moduli():
     ("make", "message"),
     [
         (lambda: CBox(cells=(15, 10)), r"15 cells in x do not resolve the wall: 0\.1 is 1\.5 cells"),
-        (lambda: CBox(cells=(20,)), r"give the number of cells"),
+        (lambda: CBox(cells=(20,)), r"must be a list of 2|give the number of cells"),
         (lambda: CBox(wall=0.25), r"wall = 0\.25 leaves no cavity"),
-        (lambda: CBox(solid_cells="hexagons"), r"solid_cells = 'hexagons': choose one of"),
+        (lambda: CBox(solid_cells="hexagons"), r"unknown solid_cells 'hexagons': choose one of"),
         (lambda: CBox(medium_refinement=0), r"medium_refinement = 0"),
         (lambda: CBox(uy=math.nan), r"uy = nan"),
         (lambda: CBox(length=-1.0), r"length = -1 must be a positive number"),
@@ -106,7 +106,7 @@ def test_punch_stiffness_scales_both_moduli():
         (lambda: Bodies(discs=40), r"40 half discs of radius 0\.2 do not fit"),
         (lambda: Bodies(size=0.5), r"size = 0\.5 is too large for a beam"),
         (lambda: Bodies(gap0=math.nan), r"gap0 = nan must be"),
-        (lambda: Box(cell_kind="hexagons"), r"cell_kind = 'hexagons'"),
+        (lambda: Box(cell_kind="hexagons"), r"unknown cell_kind 'hexagons'"),
         (lambda: Box(cell_kind="voronoi", medium_refinement=2), r"refined by 'cells' only"),
     ],
 )

@@ -52,7 +52,7 @@ def rectangle(
     from tmc_vem.mesh.outline import Region
     from tmc_vem.mesh.parts import with_names
     from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
-    from tmc_vem.problems.base import require_positive
+    from tmc_vem.validation import require_positive
 
     for name, value in (("--width", width), ("--height", height), ("--size", size)):
         require_positive(name, value, "a length")

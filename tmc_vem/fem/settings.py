@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from tmc_vem.errors import InputError
+from tmc_vem.validation import check_fields, require_choice, require_positive
 
 INTERIOR_PENALTIES = ("none", "penalty", "full")
 
@@ -31,13 +31,10 @@ class FemSettings:
     triangles: bool = False
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if self.order not in (2, 3):
             raise InputError(f"finite element order {self.order}: use 2 or 3, the energy has second derivatives")
         if not 2 <= self.quadrature <= 20:
             raise InputError(f"quadrature degree {self.quadrature}: use 2 to 20")
-        if self.interior_penalty not in INTERIOR_PENALTIES:
-            raise InputError(
-                f"unknown interior penalty '{self.interior_penalty}': choose one of {', '.join(INTERIOR_PENALTIES)}"
-            )
-        if not (math.isfinite(self.eta) and self.eta > 0.0):
-            raise InputError(f"eta = {self.eta:g} must be a positive number: 10 is a sane value")
+        require_choice("interior penalty", self.interior_penalty, INTERIOR_PENALTIES)
+        require_positive("eta", self.eta, "10 is a sane value")

@@ -12,16 +12,7 @@ from tmc_vem.energy import Energy, Regulariser, hyperelastic_solid, third_medium
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.regularisers import RegulariserLike, resolve_regulariser
-
-
-def require_positive(name: str, value: float, hint: str) -> None:
-    """Check that a parameter is a positive finite number.
-
-    Raises:
-        InputError: it is not; the message has the name, the value and the hint.
-    """
-    if not (math.isfinite(value) and value > 0.0):
-        raise InputError(f"{name} = {value:g} must be a positive number: {hint}")
+from tmc_vem.validation import check_fields, require_positive
 
 
 @dataclass(frozen=True)
@@ -32,6 +23,7 @@ class Material:
     mu: float
 
     def __post_init__(self) -> None:
+        check_fields(self)
         require_positive("K", self.K, "the bulk modulus, 20 for the box of the paper")
         require_positive("mu", self.mu, "the shear modulus, 10 for the box of the paper")
 
@@ -55,6 +47,7 @@ class Medium:
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         require_positive("gamma", self.gamma, "the medium's stiffness relative to the solid, try 1e-5")
         require_positive("alpha_r", self.alpha_r, "the weight of the regulariser, try 1")
         if not (math.isfinite(self.beta) and self.beta >= 0.0):

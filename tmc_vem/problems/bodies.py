@@ -15,8 +15,9 @@ from tmc_vem.errors import InputError
 from tmc_vem.mesh.outline import Arc, Region
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, require_positive, solid_region
+from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, solid_region
 from tmc_vem.problems.cbox import angle_medium
+from tmc_vem.validation import check_fields, require_finite, require_positive
 
 Float = NDArray[np.float64]
 
@@ -57,6 +58,7 @@ class Bodies:
     radius: float = 0.2
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name, hint in (
             ("size", "the size of cells, try 0.1"),
             ("gap0", "the medium needs room between beam and half discs, try 0.1"),
@@ -67,8 +69,7 @@ class Bodies:
             require_positive(name, getattr(self, name), hint)
         if self.case not in (1, 2):
             raise InputError(f"case = {self.case}: use 1 (ends fixed, half discs guided) or 2 (half discs free in x)")
-        if not math.isfinite(self.uy):
-            raise InputError(f"uy = {self.uy:g} must be a finite number")
+        require_finite("uy", self.uy)
         if self.discs < 1:
             raise InputError(f"discs = {self.discs}: use at least 1")
         if 4.0 * self.radius * self.discs > 2.0 * self.length:

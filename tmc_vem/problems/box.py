@@ -17,7 +17,8 @@ from tmc_vem.mesh.parts import submesh, with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.weld import weld
-from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, require_positive, solid_region
+from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, solid_region
+from tmc_vem.validation import check_fields, require_choice, require_finite, require_positive
 
 CELL_KINDS = ("quadrilaterals", "voronoi")
 # A hexagon has half as many degrees of freedom again as a quadrilateral.
@@ -55,18 +56,17 @@ class Box:
     cell_kind: str = "quadrilaterals"
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in ("length", "height", "wall"):
             require_positive(name, getattr(self, name), f"the paper's box has {name} {_DEFAULTS[name]:g}")
         if 2.0 * self.wall >= min(self.length, self.height):
             raise InputError(f"wall = {self.wall:g} leaves no cavity in a box of {self.length:g} x {self.height:g}")
-        if not math.isfinite(self.uy):
-            raise InputError(f"uy = {self.uy:g} must be a finite number")
+        require_finite("uy", self.uy)
         if len(self.cells) != 2 or min(self.cells) < 1:
             raise InputError(f"cells = {self.cells}: give the number of cells in x and in y, for example 40 10")
         if math.prod(self.cells) > MOST_CELLS:
             raise InputError(f"cells = {self.cells} are {math.prod(self.cells):.2g} cells: at most {MOST_CELLS:g}")
-        if self.cell_kind not in CELL_KINDS:
-            raise InputError(f"cell_kind = '{self.cell_kind}': choose one of {', '.join(CELL_KINDS)}")
+        require_choice("cell_kind", self.cell_kind, CELL_KINDS)
         if self.cell_kind == "voronoi" and self.medium_refinement != 1:
             raise InputError(f"medium_refinement = {self.medium_refinement}: Voronoi cells are refined by 'cells' only")
         if not 1 <= self.medium_refinement <= 64:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,7 +14,8 @@ from tmc_vem.mesh.parts import submesh, with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.weld import weld
-from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, require_positive, solid_region
+from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, solid_region
+from tmc_vem.validation import check_fields, require_choice, require_finite, require_positive
 
 # Size of polygons relative to the wall: three across it, the middle ones true polygons between two regular rows.
 POLYGON_SIZE = 1.0 / 3.0
@@ -58,14 +58,13 @@ class CBox:
     wall: float = 0.1
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name, default in (("length", 1.0), ("height", 0.5), ("wall", 0.1)):
             require_positive(name, getattr(self, name), f"the paper's C-box has {name} {default:g}")
         if self.wall >= self.length or 2.0 * self.wall >= self.height:
             raise InputError(f"wall = {self.wall:g} leaves no cavity in a C-box of {self.length:g} x {self.height:g}")
-        if not math.isfinite(self.uy):
-            raise InputError(f"uy = {self.uy:g} must be a finite number")
-        if self.solid_cells not in SOLID_CELLS:
-            raise InputError(f"solid_cells = '{self.solid_cells}': choose one of {', '.join(SOLID_CELLS)}")
+        require_finite("uy", self.uy)
+        require_choice("solid_cells", self.solid_cells, SOLID_CELLS)
         if not 1 <= self.medium_refinement <= 64:
             raise InputError(f"medium_refinement = {self.medium_refinement}: use 1 (none) to 64")
         if len(self.cells) != 2 or min(self.cells) < 1:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,8 +14,9 @@ from tmc_vem.errors import InputError
 from tmc_vem.mesh.outline import Arc, Region
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, require_positive, solid_region
+from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, solid_region
 from tmc_vem.problems.cbox import angle_medium
+from tmc_vem.validation import check_fields, require_finite, require_positive
 
 Float = NDArray[np.float64]
 
@@ -51,6 +51,7 @@ class Punch:
     radius: float = 1.0
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name, hint in (
             ("size", "the size of cells, try 0.1"),
             ("stiffness", "of the punch relative to the block, 1 or 100 in the paper"),
@@ -72,8 +73,7 @@ class Punch:
                 f"uy = {self.uy:g} moves the stiff punch through the bottom of the block: use more than "
                 f"{-self.height - self.gap0:g}, or a larger gap0"
             )
-        if not math.isfinite(self.uy):
-            raise InputError(f"uy = {self.uy:g} must be a finite number")
+        require_finite("uy", self.uy)
 
     @property
     def name(self) -> str:

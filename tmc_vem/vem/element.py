@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.geometry import diameters
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.validation import check_fields, require_choice
 from tmc_vem.vem import monomials
 from tmc_vem.vem.projector import (
     PolygonGeometry,
@@ -75,8 +76,8 @@ class ElementSettings:
     projection: str = "auto"
 
     def __post_init__(self) -> None:
-        if self.projection not in PROJECTIONS:
-            raise InputError(f"unknown projection '{self.projection}': choose one of {', '.join(PROJECTIONS)}")
+        check_fields(self)
+        require_choice("projection", self.projection, PROJECTIONS)
         if self.degree is not None and self.projection not in ("auto", "full"):
             raise InputError(f"a degree l belongs to the projection 'full': '{self.projection}' has its own")
         if self.order not in (2, 3, 4):
