@@ -1,0 +1,85 @@
+"""What all speed benchmarks share: interleaved repetitions, facts about the machine, a table on screen and json."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+RESULTS = Path(__file__).resolve().parent.parent / "runs" / "bench"
+
+
+@dataclass
+class Samples:
+    """Seconds of repetitions of one piece of work."""
+
+    seconds: list[float] = field(default_factory=list)
+
+    @property
+    def best(self) -> float:
+        """The smallest: what the work takes where nothing disturbs it."""
+        return min(self.seconds)
+
+    @property
+    def median(self) -> float:
+        """The median."""
+        return statistics.median(self.seconds)
+
+
+def interleaved(work: Mapping[str, Callable[[], object]], repetitions: int = 7) -> dict[str, Samples]:
+    """Time several pieces of work in turn, so that a busy moment of the machine falls on all of them."""
+    samples = {name: Samples() for name in work}
+    for run in work.values():  # warm caches, first-touch memory
+        run()
+    for _ in range(repetitions):
+        for name, run in work.items():
+            started = time.perf_counter()
+            run()
+            samples[name].seconds.append(time.perf_counter() - started)
+    return samples
+
+
+def machine() -> dict[str, Any]:
+    """What a reader has to know about the machine to make sense of seconds."""
+    model = platform.processor() or platform.machine()
+    flags = ""
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            key, _, value = line.partition(":")
+            if key.strip() == "model name":
+                model = value.strip()
+            if key.strip() == "flags":
+                flags = value
+                break
+    except OSError:
+        pass
+    vector = next((name for name in ("avx512f", "avx2", "avx") if name in flags.split()), "none")
+    return {
+        "processor": model,
+        "vector_unit": vector,
+        "cores": os.cpu_count(),
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        "threads": os.environ.get("OMP_NUM_THREADS", "not set"),
+    }
+
+
+def report(name: str, title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], data: Mapping[str, Any]) -> None:
+    """Print a table and write ``runs/bench/<name>.json``."""
+    table = Table(title=title, title_justify="left")
+    for n, heading in enumerate(columns):
+        table.add_column(heading, justify="left" if n == 0 else "right")
+    for row in rows:
+        table.add_row(*row)
+    Console(highlight=False, width=132).print(table)
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    (RESULTS / f"{name}.json").write_text(json.dumps({"machine": machine(), **data}, indent=1) + "\n")
