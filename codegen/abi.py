@@ -15,8 +15,9 @@ _INT, _INT64, _ARRAY = ctypes.c_int, ctypes.c_int64, ctypes.c_void_p
 
 # Arguments in the order of kernel_abi.h; a test compares them with the header.
 SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
-    "tmc_cells": (_INT64, (_INT, _INT64, _INT, _INT, _INT, *(_ARRAY,) * 9)),
-    "tmc_max_step": (None, (_INT64, _INT, _INT, _INT, *(_ARRAY,) * 5)),
+    "tmc_cells": (_INT64, (_INT, *(_ARRAY,) * 7)),
+    "tmc_max_step": (_INT64, (_ARRAY,) * 4),
+    "tmc_positions": (_INT64, (_INT64, _INT, *(_ARRAY,) * 6)),
     "tmc_points": (None, (_INT, _INT64, *(_ARRAY,) * 5)),
 }
 

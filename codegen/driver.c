@@ -1,12 +1,28 @@
 /* ---- Cell driver ------------------------------------------------------------------------------------------------
- * Both displacement components share one scalar basis, so all products run on the scalar rows B_ra and the tangent is
- * built from its component blocks xx, xy and yy. LANES quadrature points are evaluated at once.
+ * A lane is a cell: LANES cells with equally many basis functions are worked on at once, so that nothing is padded and
+ * nothing is summed across a vector. Both displacement components share one scalar basis; all products run on its
+ * derivative rows B_ra, and the tangent is built from its component blocks xx, xy and yy, the symmetric ones by half.
  */
 
-enum { N_X = 12, N_H = 78, N_ALL_ROWS = 6, MAX_TILE = 4 };
+enum { N_X = 12, N_H = 78 };
+
+/* Tiles that stay in registers: 16 sums and 8 operands with 32 vector registers, else 4 sums. */
+#ifdef __AVX512F__
+enum { MAX_TILE = 4 };
+#else
+enum { MAX_TILE = 2 };
+#endif
+
+enum { POINTS_AT_ONCE = 4 }; /* points whose products are kept in the cache before they are contracted */
+
+typedef double vec __attribute__((vector_size(8 * LANES), may_alias));
+typedef double (*lanes)[LANES];
+typedef const double (*const_lanes)[LANES];
+
+#define ALWAYS_INLINE static inline __attribute__((always_inline))
 
 typedef struct {
-  double x[N_X][LANES], psi[LANES], g[N_X][LANES], h[N_H][LANES];
+  vec x[N_X], psi, g[N_X], h[N_H];
 } point_batch;
 
 /* Position of (row, column), row <= column, in the packed upper triangle of the 12 x 12 Hessian. */
@@ -15,167 +31,348 @@ static inline int packed(int row, int column) { return row * N_X - row * (row - 
 static inline int hessian_index(int a, int b) { return a <= b ? packed(a, b) : packed(b, a); }
 
 static void evaluate_points(int level, point_batch *batch, const double *parameters) {
+  const_lanes x = (const_lanes)batch->x;
+  double *psi = (double *)&batch->psi;
   if (level == TMC_ENERGY)
-    point_energy((const double(*)[LANES])batch->x, parameters, batch->psi);
+    point_energy(x, parameters, psi);
   else if (level == TMC_GRADIENT)
-    point_gradient((const double(*)[LANES])batch->x, parameters, batch->psi, batch->g);
+    point_gradient(x, parameters, psi, (lanes)batch->g);
   else
-    point_tangent((const double(*)[LANES])batch->x, parameters, batch->psi, batch->g, batch->h);
+    point_tangent(x, parameters, psi, (lanes)batch->g, (lanes)batch->h);
 }
 
-static void clear_derivatives(point_batch *batch) {
-  memset(batch->g, 0, sizeof batch->g); /* entries that vanish identically are never written */
-  memset(batch->h, 0, sizeof batch->h);
+/* ---- Products of small matrices, a lane each ---- */
+
+/* out_ab (+)= sum_m left_ma right_mb for one tile, whose size is known where this is inlined. */
+ALWAYS_INLINE void tile_product(const int rows, const int columns, int add, int n_m, const vec *restrict left, int left_m,
+                                const vec *restrict right, int right_m, vec *restrict out, int out_a) {
+  vec sum[MAX_TILE][MAX_TILE];
+#pragma GCC unroll 4
+  for (int a = 0; a < rows; ++a)
+#pragma GCC unroll 4
+    for (int b = 0; b < columns; ++b) sum[a][b] = add ? out[a * out_a + b] : (vec){0.0};
+  for (int m = 0; m < n_m; ++m, left += left_m, right += right_m) {
+#pragma GCC unroll 4
+    for (int a = 0; a < rows; ++a)
+#pragma GCC unroll 4
+      for (int b = 0; b < columns; ++b) sum[a][b] += left[a] * right[b];
+  }
+#pragma GCC unroll 4
+  for (int a = 0; a < rows; ++a)
+#pragma GCC unroll 4
+    for (int b = 0; b < columns; ++b) out[a * out_a + b] = sum[a][b];
 }
 
-static inline void displacement_gradient(int n_rows, int n_basis, int stride, const double *B_ra, const double *u_ai,
-                                         double *x) {
-  for (int r = 0; r < n_rows; ++r) {
-    double x0 = 0.0, x1 = 0.0;
-    for (int a = 0; a < n_basis; ++a) {
-      x0 += B_ra[r * stride + a] * u_ai[2 * a];
-      x1 += B_ra[r * stride + a] * u_ai[2 * a + 1];
-    }
-    x[2 * r] = x0;
-    x[2 * r + 1] = x1;
+#define TILE_ROW(rows, columns)                                                                      \
+  case 8 * rows + columns:                                                                           \
+    tile_product(rows, columns, add, n_m, left, left_m, right, right_m, out, out_a);                 \
+    break;
+
+static void tile(int rows, int columns, int add, int n_m, const vec *left, int left_m, const vec *right, int right_m,
+                 vec *out, int out_a) {
+  switch (8 * rows + columns) {
+    TILE_ROW(1, 1) TILE_ROW(1, 2) TILE_ROW(2, 1) TILE_ROW(2, 2)
+#ifdef __AVX512F__
+    TILE_ROW(1, 3) TILE_ROW(2, 3) TILE_ROW(3, 3) TILE_ROW(3, 2) TILE_ROW(3, 1)
+    TILE_ROW(1, 4) TILE_ROW(2, 4) TILE_ROW(3, 4) TILE_ROW(4, 4) TILE_ROW(4, 3) TILE_ROW(4, 2) TILE_ROW(4, 1)
+#endif
   }
 }
 
-/* K_ab = sum_m left_ma right_mb for one component block; stride is a constant where this is inlined. */
-static inline __attribute__((always_inline)) void contract_block(const int stride, int n_basis, int n_m,
-                                                                 const double *restrict left_ma,
-                                                                 const double *restrict right_mb,
-                                                                 double *restrict K_ab) {
-  for (int a0 = 0; a0 < n_basis; a0 += MAX_TILE) { /* stride is a multiple of MAX_TILE: reading padding is safe */
-    double acc[MAX_TILE][stride];
-    for (int t = 0; t < MAX_TILE; ++t)
-      for (int b = 0; b < stride; ++b) acc[t][b] = 0.0;
-    for (int m = 0; m < n_m; ++m)
-      for (int t = 0; t < MAX_TILE; ++t)
-        for (int b = 0; b < stride; ++b) acc[t][b] += left_ma[m * stride + a0 + t] * right_mb[m * stride + b];
-    for (int t = 0; t < MAX_TILE; ++t)
-      for (int b = 0; b < stride; ++b) K_ab[(a0 + t) * stride + b] = acc[t][b];
-  }
+/* End of the tile that starts at ``first``: n entries are shared out evenly. */
+static inline int tile_end(int n, int first) {
+  const int left = n - first, tiles = (left + MAX_TILE - 1) / MAX_TILE;
+  return first + (left + tiles - 1) / tiles;
 }
 
-static void contract(int stride, int n_basis, int n_m, const double *left_ma, const double *right_mb, double *K_ab) {
-  switch (stride) {
-    case 8: contract_block(8, n_basis, n_m, left_ma, right_mb, K_ab); break;
-    case 12: contract_block(12, n_basis, n_m, left_ma, right_mb, K_ab); break;
-    case 16: contract_block(16, n_basis, n_m, left_ma, right_mb, K_ab); break;
-    case 20: contract_block(20, n_basis, n_m, left_ma, right_mb, K_ab); break;
-    case 24: contract_block(24, n_basis, n_m, left_ma, right_mb, K_ab); break;
-    default: contract_block(stride, n_basis, n_m, left_ma, right_mb, K_ab);
-  }
-}
-
-/* Scaled products w D B of one quadrature point for the blocks xx, xy, yy. */
-static void material_rows(int stride, double w, const point_batch *batch, int lane, const double *B_ra,
-                          double *D_xx, double *D_xy, double *D_yy) {
-  for (int r = 0; r < N_ROWS; ++r) {
-    double *xx = D_xx + r * stride, *xy = D_xy + r * stride, *yy = D_yy + r * stride;
-    for (int b = 0; b < stride; ++b) xx[b] = xy[b] = yy[b] = 0.0;
-    for (int s = 0; s < N_ROWS; ++s) {
-      const double c_xx = w * batch->h[hessian_index(2 * r, 2 * s)][lane];
-      const double c_xy = w * batch->h[hessian_index(2 * r, 2 * s + 1)][lane];
-      const double c_yy = w * batch->h[hessian_index(2 * r + 1, 2 * s + 1)][lane];
-      for (int b = 0; b < stride; ++b) {
-        const double B = B_ra[s * stride + b];
-        xx[b] += c_xx * B;
-        xy[b] += c_xy * B;
-        yy[b] += c_yy * B;
-      }
+/* out_ab (+)= sum_m left_ma right_mb; with ``upper`` only the tiles on and above the diagonal. */
+static void product(int upper, int add, int n_a, int n_b, int n_m, const vec *left, int left_m, const vec *right,
+                    int right_m, vec *out, int out_a) {
+  for (int a = 0, a_end; a < n_a; a = a_end) {
+    a_end = tile_end(n_a, a);
+    for (int b = 0, b_end; b < n_b; b = b_end) {
+      b_end = tile_end(n_b, b);
+      if (!upper || b >= a)
+        tile(a_end - a, b_end - b, add, n_m, left + a, left_m, right + b, right_m, out + a * out_a + b, out_a);
     }
   }
 }
+
+/* ---- The projected basis of LANES cells ---- */
 
 typedef struct {
-  double *B_ma, *D_xx, *D_xy, *D_yy; /* m = (q, r) over all points of a cell */
-  double *K_xx, *K_xy, *K_yy;
-} tangent_buffers;
+  vec *memory;       /* what follows, allocated at once */
+  vec *B_qra;        /* derivative rows */
+  vec *D_kqra;       /* w D B of the blocks k = xx, xy, yy for POINTS_AT_ONCE points */
+  vec *K_kab;        /* the tangent's blocks */
+  vec *u_ai, *du_ai, *R_ai;
+  vec *w_q, *xi_qx, *inverse_h, *gradient_txma, *second_xma; /* what shapes have, if it has to be gathered */
+  vec *derivative_xma; /* coefficients of the four second derivatives */
+  vec *m_mq;         /* monomials at the points */
+  const vec *weights;
+  int32_t shape_v[LANES]; /* whose B_qra it is */
+  int n_rows;
+  void *allocated;
+} workspace;
 
-static void store_tangent(int n_basis, int stride, const tangent_buffers *buffers, double *tangent_aibj) {
-  const int n_row = 2 * n_basis;
-  for (int a = 0; a < n_basis; ++a)
-    for (int b = 0; b < n_basis; ++b) {
-      double *block = tangent_aibj + (int64_t)2 * a * n_row + 2 * b;
-      block[0] = buffers->K_xx[a * stride + b];
-      block[1] = buffers->K_xy[a * stride + b];
-      block[n_row] = buffers->K_xy[b * stride + a];
-      block[n_row + 1] = buffers->K_yy[a * stride + b];
-    }
+static inline int dimension(int degree) { return degree < 0 ? 0 : (degree + 1) * (degree + 2) / 2; }
+
+static int allocate(workspace *work, const tmc_batch *batch, int tangent) {
+  const size_t n = batch->n_basis, n_q = batch->n_points, n_1 = dimension(batch->gradient_degree);
+  const size_t n_2 = dimension(batch->second_degree), blocks = tangent ? 3 : 0;
+  const size_t sizes[] = {n_q * N_ROWS * n, blocks * POINTS_AT_ONCE * N_ROWS * n, blocks * n * n, 2 * n, 2 * n, 2 * n, n_q,
+                          2 * n_q, 1, 2 * n_1 * n * batch->n_pieces, 2 * n_2 * n, 4 * n_2 * n, (n_1 + n_2) * n_q};
+  vec **parts[] = {&work->B_qra, &work->D_kqra, &work->K_kab, &work->u_ai, &work->du_ai, &work->R_ai, &work->w_q,
+                   &work->xi_qx, &work->inverse_h, &work->gradient_txma, &work->second_xma, &work->derivative_xma,
+                   &work->m_mq};
+  size_t total = 0;
+  for (size_t p = 0; p < sizeof sizes / sizeof *sizes; ++p) total += sizes[p];
+  work->allocated = malloc((total + 1) * sizeof(vec));
+  if (!work->allocated) return 0;
+  work->memory = (vec *)(((uintptr_t)work->allocated + sizeof(vec) - 1) / sizeof(vec) * sizeof(vec));
+  vec *next = work->memory;
+  for (size_t p = 0; p < sizeof sizes / sizeof *sizes; next += sizes[p++]) *parts[p] = next;
+  work->n_rows = 0;
+  return 1;
 }
 
-int64_t tmc_cells(int level, int64_t n_cells, int n_basis, int stride, int n_points, const int32_t *shape_c,
-                  const double *B_sqra, const double *w_sq, const double *u_cai, const double *parameters,
-                  double *energy_c, double *min_j_c, double *residual_cai, double *tangent_caibj) {
-  const int n_m = n_points * N_ROWS;
-  double *work = NULL;
-  tangent_buffers buffers = {NULL, NULL, NULL, NULL, NULL, NULL, NULL};
-  if (level >= TMC_TANGENT) {
-    const size_t rows = (size_t)n_m * stride, block = (size_t)stride * stride;
-    work = malloc((4 * rows + 3 * block) * sizeof *work);
-    if (!work) return -2;
-    buffers = (tangent_buffers){work,          work + rows, work + 2 * rows,         work + 3 * rows,
-                                work + 4 * rows, work + 4 * rows + block, work + 4 * rows + 2 * block};
+/* ``n`` values of each of LANES shapes: where they are if the shapes are one aligned pack, else gathered. */
+static const vec *of_shapes(const double *values_sp, size_t n, const int32_t *shape_v, vec *gathered) {
+  int one_pack = shape_v[0] % LANES == 0;
+  for (int v = 1; v < LANES; ++v) one_pack &= shape_v[v] == shape_v[0] + v;
+  const double *pack = values_sp + (size_t)shape_v[0] * n;
+  if (one_pack && (uintptr_t)pack % sizeof(vec) == 0) return (const vec *)pack;
+  for (int v = 0; v < LANES; ++v) {
+    const double *from = values_sp + (size_t)(shape_v[v] / LANES) * n * LANES + shape_v[v] % LANES;
+    for (size_t i = 0; i < n; ++i) ((lanes)gathered)[i][v] = from[i * LANES];
   }
-  point_batch batch;
-  memset(&batch, 0, sizeof batch);
-  clear_derivatives(&batch);
-  int64_t inadmissible = -1;
+  return gathered;
+}
 
-  for (int64_t c = 0; c < n_cells; ++c) {
-    const double *B_qra = B_sqra + (int64_t)shape_c[c] * n_points * N_ALL_ROWS * stride;
-    const double *w_q = w_sq + (int64_t)shape_c[c] * n_points;
-    const double *u_ai = u_cai + c * n_basis * 2;
-    double *residual_ai = residual_cai ? residual_cai + c * n_basis * 2 : NULL;
-    double energy = 0.0, min_j = INFINITY;
-    if (level >= TMC_GRADIENT) memset(residual_ai, 0, (size_t)n_basis * 2 * sizeof *residual_ai);
+/* Monomials xi^a eta^b up to a degree, by degree, then by b. */
+static void monomials(int degree, int n_points, const vec *xi_qx, vec *m_mq) {
+  for (int q = 0; q < n_points; ++q) m_mq[q] = (vec){0.0} + 1.0;
+  for (int d = 1; d <= degree; ++d) {
+    const vec *lower = m_mq + dimension(d - 2) * n_points;
+    vec *upper = m_mq + dimension(d - 1) * n_points;
+    for (int b = 0; b <= d; ++b)
+      for (int q = 0; q < n_points; ++q)
+        upper[b * n_points + q] =
+            b < d ? lower[b * n_points + q] * xi_qx[2 * q] : lower[(b - 1) * n_points + q] * xi_qx[2 * q + 1];
+  }
+}
 
-    for (int q0 = 0; q0 < n_points; q0 += LANES) {
-      const int n_lanes = n_points - q0 < LANES ? n_points - q0 : LANES;
-      for (int v = 0; v < LANES; ++v) { /* lanes past the end repeat the last point */
-        double x[N_X] = {0.0};
-        const int q = v < n_lanes ? q0 + v : n_points - 1;
-        displacement_gradient(N_ROWS, n_basis, stride, B_qra + (int64_t)q * N_ALL_ROWS * stride, u_ai, x);
-        for (int k = 0; k < N_X; ++k) batch.x[k][v] = x[k];
-        const double J = jacobian(x[0], x[1], x[2], x[3]);
-        if (!(J >= min_j) && min_j == min_j) min_j = J; /* a NaN is taken over and stays */
-      }
-      evaluate_points(level, &batch, parameters);
-      for (int v = 0; v < n_lanes; ++v) {
-        const int q = q0 + v;
-        const double *B_ra = B_qra + (int64_t)q * N_ALL_ROWS * stride;
-        const double w = w_q[q];
-        energy += w * batch.psi[v];
-        if (level >= TMC_GRADIENT)
-          for (int r = 0; r < N_ROWS; ++r) {
-            const double g0 = w * batch.g[2 * r][v], g1 = w * batch.g[2 * r + 1][v];
-            for (int a = 0; a < n_basis; ++a) {
-              residual_ai[2 * a] += g0 * B_ra[r * stride + a];
-              residual_ai[2 * a + 1] += g1 * B_ra[r * stride + a];
-            }
-          }
-        if (level >= TMC_TANGENT) {
-          const size_t m = (size_t)q * N_ROWS * stride;
-          memcpy(buffers.B_ma + m, B_ra, (size_t)N_ROWS * stride * sizeof *B_ra);
-          material_rows(stride, w, &batch, v, B_ra, buffers.D_xx + m, buffers.D_xy + m, buffers.D_yy + m);
+/* Coefficients of d1 of both components of the gradient, then of d2: [4][dimension(degree - 1)][n_basis]. */
+static void differentiate(int degree, int n_basis, const vec *inverse_h, const vec *second_xma, vec *derivative_xma) {
+  const int n_m = dimension(degree), n_lower = dimension(degree - 1);
+  for (int x = 0; x < 2; ++x)
+    for (int d = 0, m = 0; d < degree; ++d)
+      for (int b = 0; b <= d; ++b, ++m) {
+        const vec by_xi = *inverse_h * (double)(d - b + 1), by_eta = *inverse_h * (double)(b + 1);
+        const vec *from = second_xma + ((size_t)x * n_m + dimension(d) + b) * n_basis;
+        vec *d1 = derivative_xma + ((size_t)x * n_lower + m) * n_basis;
+        vec *d2 = derivative_xma + ((size_t)(x + 2) * n_lower + m) * n_basis;
+        for (int a = 0; a < n_basis; ++a) {
+          d1[a] = by_xi * from[a];
+          d2[a] = by_eta * from[n_basis + a];
         }
       }
-    }
-    if (level >= TMC_TANGENT) {
-      contract(stride, n_basis, n_m, buffers.B_ma, buffers.D_xx, buffers.K_xx);
-      contract(stride, n_basis, n_m, buffers.B_ma, buffers.D_xy, buffers.K_xy);
-      contract(stride, n_basis, n_m, buffers.B_ma, buffers.D_yy, buffers.K_yy);
-      store_tangent(n_basis, stride, &buffers, tangent_caibj + c * 4 * n_basis * n_basis);
-    }
-    energy_c[c] = energy;
-    min_j_c[c] = min_j;
-    if (inadmissible < 0 && !(min_j > 0.0)) inadmissible = c;
+}
+
+/* Derivative rows of the basis of LANES cells; nothing is done if the shapes are those of the call before. */
+static void tabulate(workspace *work, const tmc_batch *batch, int n_rows, int64_t first_cell) {
+  int32_t shape_v[LANES];
+  for (int v = 0; v < LANES; ++v) {
+    const int64_t c = first_cell + v;
+    shape_v[v] = batch->shape_c[c < batch->n_cells ? c : batch->n_cells - 1]; /* lanes past the end repeat the last */
   }
-  free(work);
+  if (work->n_rows == n_rows && memcmp(shape_v, work->shape_v, sizeof shape_v) == 0) return;
+  memcpy(work->shape_v, shape_v, sizeof shape_v);
+  work->n_rows = n_rows;
+
+  const int n = batch->n_basis, n_q = batch->n_points, n_1 = dimension(batch->gradient_degree), step = N_ROWS * n;
+  const size_t n_gradient = (size_t)batch->n_pieces * 2 * n_1 * n;
+  const vec *xi_qx = of_shapes(batch->xi_spqx, 2 * (size_t)n_q, shape_v, work->xi_qx);
+  const vec *gradient_txma = of_shapes(batch->gradient_sptxma, n_gradient, shape_v, work->gradient_txma);
+  work->weights = of_shapes(batch->w_spq, (size_t)n_q, shape_v, work->w_q);
+  const int second_degree = n_rows > 2 ? batch->second_degree : 0;
+  const int degree = second_degree - 1 > batch->gradient_degree ? second_degree - 1 : batch->gradient_degree;
+  monomials(degree, n_q, xi_qx, work->m_mq);
+  for (int q = 0, end; q < n_q; q = end) {
+    const int piece = batch->piece_q[q];
+    for (end = q + 1; end < n_q && batch->piece_q[end] == piece;) ++end;
+    for (int x = 0; x < 2; ++x)
+      product(0, 0, end - q, n, n_1, work->m_mq + q, n_q, gradient_txma + ((size_t)piece * 2 + x) * n_1 * n, n,
+              work->B_qra + (size_t)q * step + x * n, step);
+  }
+  if (n_rows > 2) {
+    const int n_lower = dimension(second_degree - 1);
+    const size_t n_second = 2 * (size_t)dimension(second_degree) * n;
+    const vec *second_xma = of_shapes(batch->second_spxma, n_second, shape_v, work->second_xma);
+    const vec *inverse_h = of_shapes(batch->inverse_h_sp, 1, shape_v, work->inverse_h);
+    differentiate(second_degree, n, inverse_h, second_xma, work->derivative_xma);
+    for (int r = 2; r < n_rows; ++r)
+      product(0, 0, n_q, n, n_lower, work->m_mq, n_q, work->derivative_xma + (size_t)(r - 2) * n_lower * n, n,
+              work->B_qra + r * n, step);
+  }
+}
+
+static void gather_nodes(const tmc_batch *batch, int64_t first_cell, const double *u_ni, vec *u_ai) {
+  for (int v = 0; v < LANES; ++v) {
+    const int64_t c = first_cell + v < batch->n_cells ? first_cell + v : batch->n_cells - 1;
+    const int32_t *nodes_a = batch->nodes_ca + c * batch->n_basis;
+    for (int a = 0; a < batch->n_basis; ++a) {
+      ((lanes)u_ai)[2 * a][v] = u_ni[2 * (int64_t)nodes_a[a]];
+      ((lanes)u_ai)[2 * a + 1][v] = u_ni[2 * (int64_t)nodes_a[a] + 1];
+    }
+  }
+}
+
+/* x_ri = sum_a B_ra u_ai */
+ALWAYS_INLINE void displacement_gradient(const int n_rows, int n_basis, const vec *B_ra, const vec *u_ai, vec *x_ri) {
+  vec x[2 * N_ROWS];
+#pragma GCC unroll 12
+  for (int k = 0; k < 2 * n_rows; ++k) x[k] = (vec){0.0};
+  for (int a = 0; a < n_basis; ++a)
+#pragma GCC unroll 6
+    for (int r = 0; r < n_rows; ++r) {
+      x[2 * r] += B_ra[r * n_basis + a] * u_ai[2 * a];
+      x[2 * r + 1] += B_ra[r * n_basis + a] * u_ai[2 * a + 1];
+    }
+#pragma GCC unroll 12
+  for (int k = 0; k < 2 * n_rows; ++k) x_ri[k] = x[k];
+}
+
+static void jacobians(const vec *x, vec *J) {
+  const_lanes H = (const_lanes)x;
+  for (int v = 0; v < LANES; ++v) ((double *)J)[v] = jacobian(H[0][v], H[1][v], H[2][v], H[3][v]);
+}
+
+/* ---- Residual and tangent ---- */
+
+static void add_forces(int n_basis, const vec *w, const point_batch *batch, const vec *B_ra, vec *R_ai) {
+  vec g[2 * N_ROWS];
+  for (int k = 0; k < 2 * N_ROWS; ++k) g[k] = *w * batch->g[k];
+  for (int a = 0; a < n_basis; ++a) {
+    vec R0 = R_ai[2 * a], R1 = R_ai[2 * a + 1];
+#pragma GCC unroll 6
+    for (int r = 0; r < N_ROWS; ++r) {
+      R0 += g[2 * r] * B_ra[r * n_basis + a];
+      R1 += g[2 * r + 1] * B_ra[r * n_basis + a];
+    }
+    R_ai[2 * a] = R0;
+    R_ai[2 * a + 1] = R1;
+  }
+}
+
+/* Scaled products w D B of one point for the blocks xx, xy and yy, ``block`` apart. */
+static void material_rows(int n_basis, const vec *w, const point_batch *batch, const vec *B_ra, vec *D_ra, size_t block) {
+  static const int components[3][2] = {{0, 0}, {0, 1}, {1, 1}};
+  for (int k = 0; k < 3; ++k) {
+    vec D_sr[N_ROWS * N_ROWS];
+    for (int s = 0; s < N_ROWS; ++s)
+      for (int r = 0; r < N_ROWS; ++r)
+        D_sr[s * N_ROWS + r] = *w * batch->h[hessian_index(2 * r + components[k][0], 2 * s + components[k][1])];
+    product(0, 0, N_ROWS, n_basis, N_ROWS, D_sr, N_ROWS, B_ra, n_basis, D_ra + k * block, n_basis);
+  }
+}
+
+/* K_kab += sum_m B_ma D_kmb, m = (q, r); the blocks xx and yy are symmetric. */
+static void contract(int n_basis, int n_m, const vec *B_ma, const vec *D_kmb, vec *K_kab) {
+  for (int k = 0; k < 3; ++k)
+    product(k != 1, 1, n_basis, n_basis, n_m, B_ma, n_basis, D_kmb + (size_t)k * POINTS_AT_ONCE * N_ROWS * n_basis,
+            n_basis, K_kab + (size_t)k * n_basis * n_basis, n_basis);
+}
+
+static void complete_symmetric_blocks(int n, vec *K_kab) {
+  for (int k = 0; k < 3; k += 2)
+    for (int a = 1; a < n; ++a)
+      for (int b = 0; b < a; ++b) K_kab[(k * n + a) * n + b] = K_kab[(k * n + b) * n + a];
+}
+
+static void store_tangent(const tmc_batch *batch, int64_t c, int lane, const vec *K_kab, const tmc_tangents *to) {
+  const int n = batch->n_basis;
+  const_lanes xx = (const_lanes)K_kab, xy = xx + n * n, yy = xy + n * n;
+  if (to->dense_caibj) {
+    double *K_aibj = to->dense_caibj + c * 4 * n * n;
+    for (int a = 0; a < n; ++a)
+      for (int b = 0; b < n; ++b) {
+        double *entry = K_aibj + 4 * a * n + 2 * b;
+        entry[0] = xx[a * n + b][lane];
+        entry[1] = xy[a * n + b][lane];
+        entry[2 * n] = xy[b * n + a][lane];
+        entry[2 * n + 1] = yy[a * n + b][lane];
+      }
+    return;
+  }
+  const int32_t *nodes_a = batch->nodes_ca + c * n;
+  for (int a = 0; a < n; ++a) {
+    const int32_t *position_b = to->position_cab + (c * n + a) * n, below = to->row_length_n[nodes_a[a]];
+    for (int b = 0; b < n; ++b) {
+      double *entry = to->values + position_b[b];
+      entry[0] += xx[a * n + b][lane];
+      entry[1] += xy[a * n + b][lane];
+      entry[below] += xy[b * n + a][lane];
+      entry[below + 1] += yy[a * n + b][lane];
+    }
+  }
+}
+
+int64_t tmc_cells(int level, const tmc_batch *batch, const double *u_ni, const double *parameters, double *energy_c,
+                  double *min_j_c, double *residual_ni, const tmc_tangents *tangents) {
+  const int n = batch->n_basis, n_q = batch->n_points;
+  workspace work;
+  if (!allocate(&work, batch, level >= TMC_TANGENT)) return -2;
+  point_batch points;
+  memset(&points, 0, sizeof points); /* entries that vanish identically are never written */
+  const size_t block = (size_t)POINTS_AT_ONCE * N_ROWS * n;
+  int64_t inadmissible = -1;
+
+  for (int64_t c0 = 0; c0 < batch->n_cells; c0 += LANES) {
+    tabulate(&work, batch, N_ROWS, c0);
+    gather_nodes(batch, c0, u_ni, work.u_ai);
+    vec energy = {0.0}, min_j = (vec){0.0} + INFINITY;
+    if (residual_ni) memset(work.R_ai, 0, 2 * (size_t)n * sizeof(vec));
+    if (level >= TMC_TANGENT) memset(work.K_kab, 0, 3 * (size_t)n * n * sizeof(vec));
+
+    for (int q0 = 0; q0 < n_q; q0 += POINTS_AT_ONCE) {
+      const int q_end = q0 + POINTS_AT_ONCE < n_q ? q0 + POINTS_AT_ONCE : n_q;
+      for (int q = q0; q < q_end; ++q) {
+        const vec *B_ra = work.B_qra + (size_t)q * N_ROWS * n, *w = work.weights + q;
+        displacement_gradient(N_ROWS, n, B_ra, work.u_ai, points.x);
+        vec J;
+        jacobians(points.x, &J);
+        for (int v = 0; v < LANES; ++v) {
+          const double before = ((double *)&min_j)[v], here = ((double *)&J)[v];
+          if (!(here >= before) && before == before) ((double *)&min_j)[v] = here; /* a NaN is taken over and stays */
+        }
+        evaluate_points(level, &points, parameters);
+        energy += *w * points.psi;
+        if (residual_ni) add_forces(n, w, &points, B_ra, work.R_ai);
+        if (level >= TMC_TANGENT)
+          material_rows(n, w, &points, B_ra, work.D_kqra + (size_t)(q - q0) * N_ROWS * n, block);
+      }
+      if (level >= TMC_TANGENT)
+        contract(n, (q_end - q0) * N_ROWS, work.B_qra + (size_t)q0 * N_ROWS * n, work.D_kqra, work.K_kab);
+    }
+    if (level >= TMC_TANGENT) complete_symmetric_blocks(n, work.K_kab);
+    for (int v = 0; v < LANES && c0 + v < batch->n_cells; ++v) {
+      const int64_t c = c0 + v;
+      energy_c[c] = ((double *)&energy)[v];
+      min_j_c[c] = ((double *)&min_j)[v];
+      if (inadmissible < 0 && !(min_j_c[c] > 0.0)) inadmissible = c;
+      if (residual_ni)
+        for (int a = 0; a < n; ++a)
+          for (int i = 0; i < 2; ++i)
+            residual_ni[2 * (int64_t)batch->nodes_ca[c * n + a] + i] += ((lanes)work.R_ai)[2 * a + i][v];
+      if (level >= TMC_TANGENT) store_tangent(batch, c, v, work.K_kab, tangents);
+    }
+  }
+  free(work.allocated);
   return inadmissible;
 }
+
+/* ---- The largest admissible step ---- */
 
 /* Smallest positive root of c0 + c1 s + c2 s^2 with c0 > 0, or infinity; stable for c2 -> 0. */
 static double smallest_positive_root(double c0, double c1, double c2) {
@@ -192,45 +389,86 @@ static double smallest_positive_root(double c0, double c1, double c2) {
   return root;
 }
 
-void tmc_max_step(int64_t n_cells, int n_basis, int stride, int n_points, const int32_t *shape_c,
-                  const double *B_sqra, const double *u_cai, const double *du_cai, double *step_c) {
-  for (int64_t c = 0; c < n_cells; ++c) {
-    const double *B_qra = B_sqra + (int64_t)shape_c[c] * n_points * N_ALL_ROWS * stride;
-    double step = INFINITY;
-    for (int q = 0; q < n_points; ++q) {
-      const double *B_ra = B_qra + (int64_t)q * N_ALL_ROWS * stride;
-      double H[4], dH[4];
-      displacement_gradient(2, n_basis, stride, B_ra, u_cai + c * n_basis * 2, H);
-      displacement_gradient(2, n_basis, stride, B_ra, du_cai + c * n_basis * 2, dH);
-      const double c0 = jacobian(H[0], H[1], H[2], H[3]);
-      const double c1 = (1.0 + H[3]) * dH[0] - H[2] * dH[1] - H[1] * dH[2] + (1.0 + H[0]) * dH[3];
-      const double c2 = dH[0] * dH[3] - dH[1] * dH[2];
-      const double s = c0 > 0.0 ? smallest_positive_root(c0, c1, c2) : 0.0;
-      if (s < step) step = s;
+int64_t tmc_max_step(const tmc_batch *batch, const double *u_ni, const double *du_ni, double *step_c) {
+  const int n = batch->n_basis;
+  workspace work;
+  if (!allocate(&work, batch, 0)) return -2;
+  for (int64_t c0 = 0; c0 < batch->n_cells; c0 += LANES) {
+    tabulate(&work, batch, 2, c0);
+    gather_nodes(batch, c0, u_ni, work.u_ai);
+    gather_nodes(batch, c0, du_ni, work.du_ai);
+    double step[LANES];
+    for (int v = 0; v < LANES; ++v) step[v] = INFINITY;
+    for (int q = 0; q < batch->n_points; ++q) {
+      const vec *B_ra = work.B_qra + (size_t)q * N_ROWS * n;
+      vec H_k[4], dH_k[4], J;
+      displacement_gradient(2, n, B_ra, work.u_ai, H_k);
+      displacement_gradient(2, n, B_ra, work.du_ai, dH_k);
+      jacobians(H_k, &J);
+      const_lanes H = (const_lanes)H_k, dH = (const_lanes)dH_k;
+      for (int v = 0; v < LANES; ++v) {
+        const double c0_v = ((double *)&J)[v];
+        const double c1 =
+            (1.0 + H[3][v]) * dH[0][v] - H[2][v] * dH[1][v] - H[1][v] * dH[2][v] + (1.0 + H[0][v]) * dH[3][v];
+        const double c2 = dH[0][v] * dH[3][v] - dH[1][v] * dH[2][v];
+        const double s = c0_v > 0.0 ? smallest_positive_root(c0_v, c1, c2) : 0.0;
+        if (s < step[v]) step[v] = s;
+      }
     }
-    step_c[c] = step;
+    for (int v = 0; v < LANES && c0 + v < batch->n_cells; ++v) step_c[c0 + v] = step[v];
   }
+  free(work.allocated);
+  return -1;
 }
+
+/* ---- Positions in a matrix ---- */
+
+int64_t tmc_positions(int64_t n_cells, int n_basis, const int32_t *nodes_ca, const int64_t *row_start_n,
+                      const int32_t *row_length_n, const int32_t *column_n, const int32_t *columns,
+                      int32_t *position_cab) {
+  for (int64_t c = 0; c < n_cells; ++c) {
+    const int32_t *nodes_a = nodes_ca + c * n_basis;
+    for (int a = 0; a < n_basis; ++a) {
+      const int64_t start = row_start_n[nodes_a[a]];
+      for (int b = 0; b < n_basis; ++b) {
+        const int32_t wanted = column_n[nodes_a[b]];
+        int64_t low = start, high = start + row_length_n[nodes_a[a]];
+        while (low < high) {
+          const int64_t middle = (low + high) / 2;
+          if (columns[middle] < wanted)
+            low = middle + 1;
+          else
+            high = middle;
+        }
+        if (low == start + row_length_n[nodes_a[a]] || columns[low] != wanted) return c;
+        position_cab[(c * n_basis + a) * n_basis + b] = (int32_t)low;
+      }
+    }
+  }
+  return -1;
+}
+
+/* ---- Single states ---- */
 
 void tmc_points(int level, int64_t n_states, const double *x_nx, const double *parameters, double *psi_n,
                 double *g_nx, double *h_nk) {
   point_batch batch;
   memset(&batch, 0, sizeof batch);
-  clear_derivatives(&batch);
+  const_lanes g = (const_lanes)batch.g, h = (const_lanes)batch.h;
   for (int64_t n0 = 0; n0 < n_states; n0 += LANES) {
     const int n_lanes = n_states - n0 < LANES ? (int)(n_states - n0) : LANES;
     for (int v = 0; v < LANES; ++v) {
       const int64_t n = v < n_lanes ? n0 + v : n_states - 1;
-      for (int k = 0; k < N_X; ++k) batch.x[k][v] = x_nx[n * N_X + k];
+      for (int k = 0; k < N_X; ++k) ((lanes)batch.x)[k][v] = x_nx[n * N_X + k];
     }
     evaluate_points(level, &batch, parameters);
     for (int v = 0; v < n_lanes; ++v) {
       const int64_t n = n0 + v;
-      psi_n[n] = batch.psi[v];
+      psi_n[n] = ((double *)&batch.psi)[v];
       if (level >= TMC_GRADIENT)
-        for (int k = 0; k < N_X; ++k) g_nx[n * N_X + k] = batch.g[k][v];
+        for (int k = 0; k < N_X; ++k) g_nx[n * N_X + k] = g[k][v];
       if (level >= TMC_TANGENT)
-        for (int k = 0; k < N_H; ++k) h_nk[n * N_H + k] = batch.h[k][v];
+        for (int k = 0; k < N_H; ++k) h_nk[n * N_H + k] = h[k][v];
     }
   }
 }

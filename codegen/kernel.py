@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.abi import derivative_rows, load_library
+from codegen.batch import CellBatch, Tangents, TangentsStruct, address
 from codegen.build import build
 from codegen.compiler import generate
 from codegen.errors import CodegenError
@@ -18,50 +20,25 @@ from codegen.ordering import N_HESSIAN, N_X, UPPER_TRIANGLE
 from codegen.trace import trace
 
 Array = NDArray[np.float64]
+Int32 = NDArray[np.int32]
+Array64 = NDArray[np.int64]
 
 ENERGY, GRADIENT, TANGENT = 0, 1, 2
 OUT_OF_MEMORY = -2
 
 
 @dataclass(frozen=True)
-class CellBatch:
-    """Cells with equally many basis functions and quadrature points, ready for a kernel.
-
-    Attributes:
-        shape_c: (n_cells,) int32, index of each cell's projector.
-        B_sqra: (n_shapes, n_points, 6, stride) derivatives of the projected scalar basis, rows
-            (d1, d2, d1d1, d2d1, d1d2, d2d2), padded with zeros from ``n_basis`` to ``stride``.
-        w_sq: (n_shapes, n_points) quadrature weights (area).
-        n_basis: scalar basis functions of a cell.
-    """
-
-    shape_c: NDArray[np.int32]
-    B_sqra: Array
-    w_sq: Array
-    n_basis: int
-
-    @property
-    def n_cells(self) -> int:
-        """Number of cells in the batch."""
-        return len(self.shape_c)
-
-
-@dataclass(frozen=True)
 class CellValues:
-    """What a kernel returns for a batch; arrays beyond the asked level are None.
+    """What a kernel returns for a batch.
 
     Attributes:
         energy_c: (n_cells,) energy of each cell.
         min_j_c: (n_cells,) smallest J at the quadrature points of each cell.
-        residual_cai: (n_cells, n_basis, 2).
-        tangent_caibj: (n_cells, n_basis, 2, n_basis, 2), symmetric.
         inadmissible: index of the first cell with J <= 0, or None.
     """
 
     energy_c: Array
     min_j_c: Array
-    residual_cai: Array | None
-    tangent_caibj: Array | None
     inadmissible: int | None
 
 
@@ -97,54 +74,80 @@ class Kernel:
         return np.array([float(values[name]) for name in self.parameters], dtype=np.float64)
 
     def cells(
-        self, level: int, batch: CellBatch, u_cai: Array, parameters: Array, tangent_out: Array | None = None
+        self,
+        batch: CellBatch,
+        u_ni: Array,
+        parameters: Array,
+        residual_ni: Array | None = None,
+        tangents: Tangents | None = None,
     ) -> CellValues:
-        """Energy, residual and tangent of every cell of a batch.
+        """Energy of every cell of a batch and, where they are asked for, residual and tangents.
 
         Args:
-            level: ENERGY, GRADIENT or TANGENT.
-            batch: projectors and weights.
-            u_cai: (n_cells, n_basis, 2) displacement degrees of freedom.
+            batch: cells and their projectors.
+            u_ni: (n_nodes, 2) displacement degrees of freedom.
             parameters: from :meth:`parameter_array`.
-            tangent_out: where to write the tangents, C-contiguous, or None for a new array.
+            residual_ni: (n_nodes, 2) to which the cells' residuals (52) are added.
+            tangents: to which the cells' tangents (56) are written or added.
 
         Raises:
             ValueError: an array has a wrong shape or is not C-contiguous.
-            MemoryError: the work space of a cell could not be allocated.
+            MemoryError: the work space could not be allocated.
         """
-        n_cells, n_basis = batch.n_cells, batch.n_basis
-        u_cai = _dofs("u_cai", u_cai, batch)
+        self._check_batch(batch)
         self._check_parameters(parameters)
-        energy_c, min_j_c = np.empty(n_cells), np.empty(n_cells)
-        residual = np.empty((n_cells, n_basis, 2)) if level >= GRADIENT else None
-        tangent = None
-        if level >= TANGENT:
-            shape = (n_cells, n_basis, 2, n_basis, 2)
-            tangent = np.empty(shape) if tangent_out is None else _contiguous(tangent_out).reshape(shape)
-        _, n_points, _, stride = batch.B_sqra.shape
+        u_ni = _nodal("u_ni", u_ni, batch)
+        if residual_ni is not None and _nodal("residual_ni", residual_ni, batch) is not residual_ni:
+            raise ValueError("residual_ni must be a C-contiguous array of doubles")
+        level = TANGENT if tangents is not None else ENERGY if residual_ni is None else GRADIENT
+        energy_c, min_j_c = np.empty(batch.n_cells), np.empty(batch.n_cells)
+        struct = None if tangents is None else _checked_tangents(tangents, batch)
         status = self._lib.tmc_cells(
-            level, n_cells, n_basis, stride, n_points, _address(batch.shape_c), _address(batch.B_sqra),
-            _address(batch.w_sq), _address(u_cai), _address(parameters), _address(energy_c),
-            _address(min_j_c), _address(residual), _address(tangent),
+            level, ctypes.byref(batch.struct), address(u_ni), address(parameters), address(energy_c),
+            address(min_j_c), address(residual_ni), None if struct is None else ctypes.byref(struct),
         )  # fmt: skip
         if status == OUT_OF_MEMORY:
             raise MemoryError(f"kernel '{self.name}' could not allocate its work space")
-        return CellValues(energy_c, min_j_c, residual, tangent, None if status < 0 else int(status))
+        return CellValues(energy_c, min_j_c, None if status < 0 else int(status))
 
-    def max_step(self, batch: CellBatch, u_cai: Array, du_cai: Array) -> Array:
+    def max_step(self, batch: CellBatch, u_ni: Array, du_ni: Array) -> Array:
         """Largest s of each cell, (n_cells,), with J(u + t du) > 0 at all its points for t < s; may be infinite.
 
         Raises:
             ValueError: an array has a wrong shape or is not C-contiguous.
+            MemoryError: the work space could not be allocated.
         """
-        u_cai, du_cai = _dofs("u_cai", u_cai, batch), _dofs("du_cai", du_cai, batch)
+        u_ni, du_ni = _nodal("u_ni", u_ni, batch), _nodal("du_ni", du_ni, batch)
         step_c = np.empty(batch.n_cells)
-        _, n_points, _, stride = batch.B_sqra.shape
-        self._lib.tmc_max_step(
-            batch.n_cells, batch.n_basis, stride, n_points, _address(batch.shape_c), _address(batch.B_sqra),
-            _address(u_cai), _address(du_cai), _address(step_c),
-        )  # fmt: skip
+        status = self._lib.tmc_max_step(ctypes.byref(batch.struct), address(u_ni), address(du_ni), address(step_c))
+        if status == OUT_OF_MEMORY:
+            raise MemoryError(f"kernel '{self.name}' could not allocate its work space")
         return step_c
+
+    def positions(
+        self, batch: CellBatch, row_start_n: Array64, row_length_n: Int32, column_n: Int32, columns: Int32
+    ) -> Int32:
+        """Where the tangents of a batch go in a sparse matrix; see ``tmc_positions`` in kernel_abi.h.
+
+        Args:
+            batch: cells.
+            row_start_n: (n_nodes,) position of the first entry of each node's row.
+            row_length_n: (n_nodes,) entries of that row.
+            column_n: (n_nodes,) column of a node's first component.
+            columns: columns of all entries, sorted within each row.
+
+        Raises:
+            ValueError: the matrix lacks an entry.
+        """
+        n = batch.n_basis
+        position_cab = np.empty((batch.n_cells, n, n), dtype=np.int32)
+        status = self._lib.tmc_positions(
+            batch.n_cells, n, address(batch.nodes_ca), address(row_start_n), address(row_length_n), address(column_n),
+            address(columns), address(position_cab),
+        )  # fmt: skip
+        if status >= 0:
+            raise ValueError(f"the matrix has no room for the tangent of cell {status} of the batch")
+        return position_cab
 
     def points(self, level: int, x_nx: Array, parameters: Array) -> tuple[Array, Array | None, Array | None]:
         """Energy density, gradient and Hessian at single states.
@@ -167,10 +170,14 @@ class Kernel:
         g_nx = np.empty((n, N_X)) if level >= GRADIENT else None
         h_nk = np.empty((n, N_HESSIAN)) if level >= TANGENT else None
         self._lib.tmc_points(
-            level, n, _address(x_nx), _address(parameters), _address(psi_n), _address(g_nx),
-            _address(h_nk),
+            level, n, address(x_nx), address(parameters), address(psi_n), address(g_nx),
+            address(h_nk),
         )  # fmt: skip
         return psi_n, g_nx, None if h_nk is None else _unpack(h_nk)
+
+    def _check_batch(self, batch: CellBatch) -> None:
+        if self.uses_second_gradient and batch.second_sp is None:
+            raise ValueError(f"energy '{self.name}' needs second derivatives, which the batch does not have")
 
     def _check_parameters(self, parameters: Array) -> None:
         if parameters.shape != (len(self.parameters),) or parameters.dtype != np.float64:
@@ -178,21 +185,21 @@ class Kernel:
             raise ValueError(f"{len(self.parameters)} parameters expected ({names}), got {parameters.size}")
 
 
-def _address(array: NDArray[Any] | None) -> int | None:
-    return None if array is None else _contiguous(array).ctypes.data
+def _nodal(name: str, u_ni: Array, batch: CellBatch) -> Array:
+    n_nodes = int(batch.nodes_ca.max(initial=-1)) + 1
+    if np.ndim(u_ni) != 2 or np.shape(u_ni)[1] != 2 or len(u_ni) < n_nodes:
+        raise ValueError(f"{name} has shape {np.shape(u_ni)}, expected ({n_nodes} or more, 2)")
+    return np.ascontiguousarray(u_ni, dtype=np.float64)
 
 
-def _dofs(name: str, u_cai: Array, batch: CellBatch) -> Array:
-    expected = (batch.n_cells, batch.n_basis, 2)
-    if np.shape(u_cai) != expected:
-        raise ValueError(f"{name} has shape {np.shape(u_cai)}, expected {expected}")
-    return np.ascontiguousarray(u_cai, dtype=np.float64)
-
-
-def _contiguous(array: NDArray[Any]) -> NDArray[Any]:
-    if not array.flags.c_contiguous:
-        raise ValueError("kernels take C-contiguous arrays only")
-    return array
+def _checked_tangents(tangents: Tangents, batch: CellBatch) -> TangentsStruct:
+    n, expected = batch.n_cells, (batch.n_basis, 2, batch.n_basis, 2)
+    if tangents.dense_caibj is not None:
+        if tangents.dense_caibj.size != n * int(np.prod(expected)):
+            raise ValueError(f"dense_caibj has shape {tangents.dense_caibj.shape}, expected {(n, *expected)}")
+    elif tangents.position_cab is None or tangents.position_cab.shape != (n, batch.n_basis, batch.n_basis):
+        raise ValueError("position_cab does not belong to the batch")
+    return tangents.struct
 
 
 def _unpack(h_nk: Array) -> Array:

@@ -2,10 +2,12 @@
  *
  * Arrays are dense and row-major; the suffix names the axes:
  *   c  cell of the batch            s  shape: cells with equal projectors share one
- *   q  quadrature point             r  derivative row: d1, d2, d1d1, d2d1, d1d2, d2d2
+ *   q  quadrature point             t  piece: where the projected gradient is piecewise polynomial
  *   a, b  scalar basis function     i, j  displacement component, 0 or 1
- * All cells of a call have the same number of basis functions and of quadrature points. The last axis of B is padded
- * with zeros from n_basis to stride.
+ *   m  scaled monomial              x  direction, 0 or 1
+ *   n  node, which carries both displacement components
+ * Shapes come in packs of eight: the suffix sp means [shape / 8] first and [shape % 8] as the last axis, so that
+ * sp_ma is [n_packs][m][a][8].
  */
 
 /* What to compute; each level includes the ones before it. */
@@ -14,30 +16,63 @@ enum { TMC_ENERGY = 0, TMC_GRADIENT = 1, TMC_TANGENT = 2 };
 /* Number of derivative rows that the energy uses: 2 (F only) or 6 (F and G). */
 extern const int tmc_n_rows;
 
+/* Cells with equally many basis functions, pieces and quadrature points.
+ *
+ * The projected gradient of a basis function is, on piece t, sum_m gradient_txma m(xi); the second gradient is the
+ * derivative of sum_m second_xma m(xi), one polynomial on the whole cell. Both are derivatives with respect to the
+ * original coordinates. The monomials xi^a eta^b of the scaled coordinates are ordered by degree, then by b.
+ */
+typedef struct {
+  int64_t n_cells;
+  int32_t n_basis, n_points, n_pieces;
+  int32_t gradient_degree, second_degree; /* of gradient_txma and second_xma */
+  const int32_t *shape_c;                 /* [n_cells] */
+  const int32_t *nodes_ca;                /* [n_cells][n_basis] */
+  const int32_t *piece_q;                 /* [n_points] the piece on which a point lies */
+  const double *w_spq;                    /* weights (area) */
+  const double *xi_spqx;                  /* points in scaled coordinates */
+  const double *inverse_h_sp;             /* 1 / h, the scale of the coordinates */
+  const double *gradient_sptxma;          /* coefficients of the projected gradient */
+  const double *second_spxma;             /* of the second gradient's potential; only read if tmc_n_rows is 6 */
+} tmc_batch;
+
+/* Where element tangents go: the values of a matrix in compressed rows whose row and column 2 n + i belong to
+ * component i of a node, or, if dense_caibj is not NULL, an array of element matrices. */
+typedef struct {
+  double *dense_caibj;          /* [n_cells][n_basis][2][n_basis][2] */
+  double *values;               /* added to */
+  const int32_t *position_cab;  /* [n_cells][n_basis][n_basis] of entry (2 a, 2 b) in values */
+  const int32_t *row_length_n;  /* entries of row 2 n, and of row 2 n + 1, whose pattern is the same */
+} tmc_tangents;
+
 /* Energy, residual (52) and tangent (56) of a batch of cells.
- *   shape_c     [n_cells]                            index into the first axis of B and w
- *   B_sqra      [n_shapes][n_points][6][stride]      derivatives of the projected scalar basis
- *   w_sq        [n_shapes][n_points]                 quadrature weights
- *   u_cai       [n_cells][n_basis][2]                displacement degrees of freedom
- *   parameters  [n_parameters]                       in the declared order
- *   energy_c    [n_cells]                            out
- *   min_j_c     [n_cells]                            out: smallest J at the quadrature points
- *   residual_cai  [n_cells][n_basis][2]              out from level 1, else may be NULL
- *   tangent_caibj [n_cells][n_basis][2][n_basis][2]  out at level 2, else may be NULL
+ *   u_ni        [n_nodes][2]   displacement degrees of freedom
+ *   parameters  [n_parameters] in the declared order
+ *   energy_c    [n_cells]      out
+ *   min_j_c     [n_cells]      out: smallest J at the quadrature points
+ *   residual_ni [n_nodes][2]   added to if it is not NULL, which takes level 1
+ *   tangents                   from level 2, else may be NULL
  * Returns -1, or the first cell with J <= 0 or J not a number; values of that cell are then meaningless.
  *         -2 if memory ran out.
  */
-int64_t tmc_cells(int level, int64_t n_cells, int n_basis, int stride, int n_points,
-                  const int32_t *shape_c, const double *B_sqra, const double *w_sq, const double *u_cai,
-                  const double *parameters,
-                  double *energy_c, double *min_j_c, double *residual_cai, double *tangent_caibj);
+int64_t tmc_cells(int level, const tmc_batch *batch, const double *u_ni, const double *parameters,
+                  double *energy_c, double *min_j_c, double *residual_ni, const tmc_tangents *tangents);
 
 /* Largest step s with J(u + t du) > 0 at every quadrature point for all t in [0, s): exact, as J is a quadratic of t.
  *   step_c      [n_cells]  out: infinity where J stays positive
+ * Returns -1, or -2 if memory ran out.
  */
-void tmc_max_step(int64_t n_cells, int n_basis, int stride, int n_points,
-                  const int32_t *shape_c, const double *B_sqra, const double *u_cai, const double *du_cai,
-                  double *step_c);
+int64_t tmc_max_step(const tmc_batch *batch, const double *u_ni, const double *du_ni, double *step_c);
+
+/* Positions for tmc_tangents in a matrix with sorted columns, both components of a node side by side.
+ *   row_start_n [n_nodes]  position of the first entry of row 2 n in values and columns
+ *   column_n    [n_nodes]  column of component 0 of a node
+ *   columns     [.]        columns of all entries
+ * Returns -1, or the first cell with an entry that the matrix does not have.
+ */
+int64_t tmc_positions(int64_t n_cells, int n_basis, const int32_t *nodes_ca, const int64_t *row_start_n,
+                      const int32_t *row_length_n, const int32_t *column_n, const int32_t *columns,
+                      int32_t *position_cab);
 
 /* Energy density and its derivatives at single states, in the order of Appendix C.
  *   x_nx   [n_states][12]  F - I and G: [H11 H21 H12 H22 G111 G211 G121 G221 G112 G212 G122 G222]

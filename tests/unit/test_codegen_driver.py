@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import ctypes
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from codegen import abi
+from codegen.batch import BatchStruct, CellBatch, Tangents, TangentsStruct
 from codegen.ctext import abi_header
 from codegen.errors import CodegenError
-from codegen.kernel import ENERGY, GRADIENT, TANGENT, CellBatch, Kernel, compile_energy
+from codegen.kernel import ENERGY, TANGENT, Kernel, compile_energy
 from tmc_vem.energy import DENSITIES
 
 PARAMETERS = {"K": 20.0, "mu": 10.0, "gamma": 0.5, "alpha_r": 0.7, "beta": 2.0}
@@ -21,74 +24,168 @@ def kernel_of(name: str) -> Kernel:
     return compile_energy(energy.density, energy.name, energy.parameters, energy.description)
 
 
-def batch_of(n_cells: int, n_basis: int, n_points: int, n_shapes: int, rng: np.random.Generator) -> CellBatch:
-    stride = 4 * (n_basis // 4 + 1)
-    B = np.zeros((n_shapes, n_points, 6, stride))
-    B[..., :n_basis] = rng.normal(size=(n_shapes, n_points, 6, n_basis))
-    shape_c = rng.integers(0, n_shapes, n_cells).astype(np.int32)
-    return CellBatch(shape_c, B, rng.uniform(0.5, 1.0, (n_shapes, n_points)), n_basis)
+def random_batch(n_cells, n_basis, n_points, n_shapes, rng, *, degrees=(3, 2), n_pieces=1, own_nodes=True):
+    """Cells with random coefficients, and the arrays they were packed from."""
+    dims = [(d + 1) * (d + 2) // 2 for d in degrees]
+    arrays = {
+        "w_sq": rng.uniform(0.5, 1.0, (n_shapes, n_points)),
+        "xi_sqx": rng.uniform(-0.5, 0.5, (n_shapes, n_points, 2)),
+        "h_s": rng.uniform(0.5, 2.0, n_shapes),
+        "gradient_stxma": rng.normal(size=(n_shapes, n_pieces, 2, dims[0], n_basis)),
+        "second_sxma": rng.normal(size=(n_shapes, 2, dims[1], n_basis)),
+        "piece_q": np.sort(rng.integers(0, n_pieces, n_points)),
+        "shape_c": rng.integers(0, n_shapes, n_cells),
+        "nodes_ca": np.arange(n_cells * n_basis).reshape(n_cells, n_basis),
+    }
+    if not own_nodes:
+        n_nodes = n_cells * n_basis // 2 + n_basis
+        arrays["nodes_ca"] = np.stack([rng.permutation(n_nodes)[:n_basis] for _ in range(n_cells)])
+    return CellBatch.pack(**arrays), arrays
 
 
-def by_sums(kernel: Kernel, batch: CellBatch, u_cai: np.ndarray):
-    """Energy, residual (52) and tangent (56) from point values with the Kronecker products written out."""
+def rows(arrays):
+    """Derivative rows (n_shapes, n_points, 6, n_basis), monomial by monomial."""
+    n_shapes, n_points, _ = arrays["xi_sqx"].shape
+    B = np.zeros((n_shapes, n_points, 6, arrays["nodes_ca"].shape[1]))
+    for s in range(n_shapes):
+        for q, (x, y) in enumerate(arrays["xi_sqx"][s]):
+            t, inverse_h = arrays["piece_q"][q], 1.0 / arrays["h_s"][s]
+            for d in (0, 1):
+                for m, (a, b) in enumerate(powers(arrays["gradient_stxma"].shape[3])):
+                    B[s, q, d] += x**a * y**b * arrays["gradient_stxma"][s, t, d, m]
+                for m, (a, b) in enumerate(powers(arrays["second_sxma"].shape[2])):
+                    coefficients = arrays["second_sxma"][s, d, m]
+                    B[s, q, 2 + d] += inverse_h * a * x ** max(a - 1, 0) * y**b * coefficients
+                    B[s, q, 4 + d] += inverse_h * b * x**a * y ** max(b - 1, 0) * coefficients
+    return B
+
+
+def powers(dimension):
+    return [(d - b, b) for d in range(9) for b in range(d + 1)][:dimension]
+
+
+def by_sums(kernel: Kernel, arrays, u_ni: np.ndarray):
+    """Energy, smallest J, residual (52) and tangents (56) from point values with the Kronecker products written out."""
     parameters = kernel.parameter_array(PARAMETERS)
-    shape = (batch.n_cells, batch.n_basis, 2)
-    energy, residual, tangent = np.zeros(shape[0]), np.zeros(shape), np.zeros((*shape, *shape[1:]))
-    min_j = np.full(shape[0], np.inf)
-    for c, s in enumerate(batch.shape_c):
-        for q, w in enumerate(batch.w_sq[s]):
-            B1 = np.kron(batch.B_sqra[s, q, :2, : batch.n_basis], np.eye(2))
-            B2 = np.kron(batch.B_sqra[s, q, 2:, : batch.n_basis], np.eye(2))
-            x = np.concatenate([B1 @ u_cai[c].ravel(), B2 @ u_cai[c].ravel()])
+    B_sqra, nodes_ca = rows(arrays), arrays["nodes_ca"]
+    n_cells, n_basis = nodes_ca.shape
+    energy, residual, tangent = np.zeros(n_cells), np.zeros_like(u_ni), np.zeros((n_cells, 2 * n_basis, 2 * n_basis))
+    min_j = np.full(n_cells, np.inf)
+    for c, s in enumerate(arrays["shape_c"]):
+        u = u_ni[nodes_ca[c]].ravel()
+        for q, w in enumerate(arrays["w_sq"][s]):
+            B1, B2 = np.kron(B_sqra[s, q, :2], np.eye(2)), np.kron(B_sqra[s, q, 2:], np.eye(2))
+            x = np.concatenate([B1 @ u, B2 @ u])
             psi, g, h = (values[0] for values in kernel.points(TANGENT, x[None], parameters))
             P, T, D, A, B = g[:4], g[4:], h[:4, :4], h[4:, :4], h[4:, 4:]
             energy[c] += w * psi
-            residual[c] += w * (B1.T @ P + B2.T @ T).reshape(-1, 2)
-            K = B1.T @ D @ B1 + B2.T @ A @ B1 + B1.T @ A.T @ B2 + B2.T @ B @ B2
-            tangent[c] += w * K.reshape(batch.n_basis, 2, batch.n_basis, 2)
+            residual[nodes_ca[c]] += w * (B1.T @ P + B2.T @ T).reshape(-1, 2)
+            tangent[c] += w * (B1.T @ D @ B1 + B2.T @ A @ B1 + B1.T @ A.T @ B2 + B2.T @ B @ B2)
             min_j[c] = min(min_j[c], (1 + x[0]) * (1 + x[3]) - x[1] * x[2])
     return energy, min_j, residual, tangent
 
 
+def run(kernel, batch, u):
+    """Values, residual and dense tangents of a batch."""
+    residual, n = np.zeros_like(u), 2 * batch.n_basis
+    dense = np.full((batch.n_cells, n, n), np.nan)
+    values = kernel.cells(batch, u, kernel.parameter_array(PARAMETERS), residual, Tangents(dense))
+    return values, residual, dense
+
+
 @pytest.mark.parametrize("name", ["solid", "medium_angle_damped", "medium_tangent"])
-@pytest.mark.parametrize(("n_basis", "n_points"), [(3, 1), (7, 5), (9, 8), (13, 19), (25, 16), (30, 9)])
-def test_cells_are_the_sums_over_their_points(name, n_basis, n_points):
+@pytest.mark.parametrize(
+    ("n_cells", "n_basis", "n_points", "n_pieces", "degrees"),
+    [(1, 3, 1, 1, (2, 2)), (9, 7, 5, 1, (3, 1)), (8, 9, 8, 2, (1, 2)), (5, 13, 19, 4, (1, 4)), (17, 25, 3, 1, (0, 0))],
+)
+def test_cells_are_the_sums_over_their_points(name, n_cells, n_basis, n_points, n_pieces, degrees):
     rng = np.random.default_rng(n_basis)
-    kernel, batch = kernel_of(name), batch_of(4, n_basis, n_points, 3, rng)
-    u = rng.normal(scale=0.05 / np.sqrt(n_basis), size=(4, n_basis, 2))
-    energy, min_j, residual, tangent = by_sums(kernel, batch, u)
-    found = kernel.cells(TANGENT, batch, u, kernel.parameter_array(PARAMETERS))
-    np.testing.assert_allclose(found.energy_c, energy, rtol=1e-12)
+    kernel = kernel_of(name)
+    batch, arrays = random_batch(
+        n_cells, n_basis, n_points, 3, rng, degrees=degrees, n_pieces=n_pieces, own_nodes=n_basis != 9
+    )
+    u = rng.normal(scale=0.02 / n_basis, size=(n_cells * n_basis, 2))
+    energy, min_j, residual, tangent = by_sums(kernel, arrays, u)
+    found, found_residual, found_tangent = run(kernel, batch, u)
+    np.testing.assert_allclose(found.energy_c, energy, rtol=1e-11)
     np.testing.assert_allclose(found.min_j_c, min_j, rtol=1e-12)
-    np.testing.assert_allclose(found.residual_cai, residual, rtol=0, atol=1e-12 * np.abs(residual).max())
-    np.testing.assert_allclose(found.tangent_caibj, tangent, rtol=0, atol=1e-12 * np.abs(tangent).max())
+    np.testing.assert_allclose(found_residual, residual, rtol=0, atol=1e-12 * np.abs(residual).max())
+    np.testing.assert_allclose(found_tangent, tangent, rtol=0, atol=1e-12 * np.abs(tangent).max())
     assert found.inadmissible is None
+
+
+@pytest.mark.parametrize("n_shapes", [1, 16, 19])
+def test_shapes_are_found_in_their_packs(n_shapes):
+    """Cells of one shape, of consecutive shapes that are read in place, and of shapes in any order."""
+    rng = np.random.default_rng(n_shapes)
+    kernel = kernel_of("medium_huhu_damped")
+    _, arrays = random_batch(n_shapes, 6, 4, n_shapes, rng)
+    u = rng.normal(scale=0.01, size=(6 * n_shapes, 2))
+    for order in (np.arange(n_shapes), rng.permutation(n_shapes), np.zeros(n_shapes, dtype=int)):
+        arrays["shape_c"] = order
+        energy, _, residual, _ = by_sums(kernel, arrays, u)
+        found, found_residual, _ = run(kernel, CellBatch.pack(**arrays), u)
+        np.testing.assert_allclose(found.energy_c, energy, rtol=1e-11)
+        np.testing.assert_allclose(found_residual, residual, rtol=0, atol=1e-12 * np.abs(residual).max())
+
+
+def test_tangents_go_to_their_places_in_a_sparse_matrix():
+    """Two nodes in three are in the matrix of each of the cells; the dense matrices are the oracle."""
+    rng = np.random.default_rng(5)
+    kernel = kernel_of("medium_angle_damped")
+    batch, arrays = random_batch(11, 9, 5, 4, rng, own_nodes=False)
+    n_nodes = int(arrays["nodes_ca"].max()) + 1
+    u = rng.normal(scale=0.002, size=(n_nodes, 2))
+    _, _, dense = run(kernel, batch, u)
+    dofs_cn = (2 * arrays["nodes_ca"][:, :, None] + np.arange(2)).reshape(11, -1)
+    expected, pattern = np.zeros((2 * n_nodes, 2 * n_nodes)), np.zeros((2 * n_nodes, 2 * n_nodes), dtype=bool)
+    for dofs, K in zip(dofs_cn, dense, strict=True):
+        expected[np.ix_(dofs, dofs)] += K
+        pattern[np.ix_(dofs, dofs)] = True
+    columns = np.concatenate([np.flatnonzero(row) for row in pattern]).astype(np.int32)
+    lengths = pattern.sum(axis=1)
+    starts = np.concatenate([[0], np.cumsum(lengths)])
+    arguments = (starts[:-1:2].copy(), lengths[::2].astype(np.int32), np.arange(0, 2 * n_nodes, 2, dtype=np.int32))
+    values = np.full(len(columns), 0.5)  # what is there is added to
+    tangents = Tangents(None, values, kernel.positions(batch, *arguments, columns), arguments[1])
+    kernel.cells(batch, u, kernel.parameter_array(PARAMETERS), None, tangents)
+    found = np.zeros_like(expected)
+    found[pattern] = values - 0.5
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    columns[columns == arrays["nodes_ca"][7, 3] * 2] += 1
+    with pytest.raises(ValueError, match="the matrix has no room for the tangent of cell"):
+        kernel.positions(batch, *arguments, columns)
 
 
 def test_levels_skip_what_is_not_asked_for():
     rng = np.random.default_rng(1)
-    kernel, batch = kernel_of("medium_huhu_lulu_damped"), batch_of(3, 8, 6, 1, rng)
-    u, parameters = rng.normal(scale=0.02, size=(3, 8, 2)), None
-    parameters = kernel.parameter_array(PARAMETERS)
-    full = kernel.cells(TANGENT, batch, u, parameters)
-    gradient = kernel.cells(GRADIENT, batch, u, parameters)
-    energy = kernel.cells(ENERGY, batch, u, parameters)
-    assert gradient.tangent_caibj is None
-    assert energy.tangent_caibj is None
-    assert energy.residual_cai is None
-    np.testing.assert_allclose(gradient.residual_cai, full.residual_cai, rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(energy.energy_c, full.energy_c, rtol=1e-14)
-    out = np.empty((3, 16, 16))
-    assert kernel.cells(TANGENT, batch, u, parameters, out).tangent_caibj.base is out
-    np.testing.assert_array_equal(out.reshape(full.tangent_caibj.shape), full.tangent_caibj)
+    kernel = kernel_of("medium_huhu_lulu_damped")
+    batch, _ = random_batch(3, 8, 6, 1, rng)
+    u, parameters = rng.normal(scale=0.01, size=(24, 2)), kernel.parameter_array(PARAMETERS)
+    full, residual, dense = run(kernel, batch, u)
+    alone, only_tangents = np.zeros_like(u), np.empty_like(dense)
+    gradient = kernel.cells(batch, u, parameters, alone)
+    energy = kernel.cells(batch, u, parameters)
+    kernel.cells(batch, u, parameters, None, Tangents(only_tangents))
+    np.testing.assert_allclose(alone, residual, rtol=1e-12, atol=1e-15)
+    np.testing.assert_array_equal(only_tangents, dense)
+    for values in (gradient, energy):
+        np.testing.assert_allclose(values.energy_c, full.energy_c, rtol=1e-13)
+    kernel.cells(batch, u, parameters, alone)  # residuals are added up
+    np.testing.assert_allclose(alone, 2.0 * residual, rtol=1e-12, atol=1e-15)
 
 
-def affine(n_cells: int, n_points: int, H_cij: np.ndarray) -> tuple[CellBatch, np.ndarray]:
+def affine(n_cells: int, n_points: int, H_cij: np.ndarray, values_q=None) -> tuple[CellBatch, np.ndarray]:
     """Cells whose two basis functions are X1 and X2: the dofs are the displacement gradient itself."""
-    B = np.zeros((1, n_points, 6, 4))
-    B[:, :, 0, 0] = B[:, :, 1, 1] = 1.0
-    batch = CellBatch(np.zeros(n_cells, np.int32), B, np.full((1, n_points), 1.0 / n_points), 2)
-    return batch, np.ascontiguousarray(H_cij.transpose(0, 2, 1))
+    gradient = np.zeros((n_points, 2, 1, 2))
+    gradient[:, 0, 0, 0] = gradient[:, 1, 0, 1] = 1.0
+    if values_q is not None:
+        gradient[:, 0, 0, 0] = values_q
+    batch = CellBatch.pack(
+        np.zeros(n_cells), np.arange(2 * n_cells).reshape(-1, 2), np.arange(n_points),
+        np.full((1, n_points), 1 / n_points), np.zeros((1, n_points, 2)), np.ones(1), gradient[None], gradient[None, 0],
+    )  # fmt: skip
+    return batch, np.ascontiguousarray(H_cij.transpose(0, 2, 1)).reshape(-1, 2)
 
 
 def test_the_first_inadmissible_cell_is_named_and_nan_stays_visible():
@@ -97,20 +194,19 @@ def test_the_first_inadmissible_cell_is_named_and_nan_stays_visible():
     H[3, 0, 0] = np.nan
     kernel = kernel_of("solid")
     batch, u = affine(4, 9, H)
-    values = kernel.cells(TANGENT, batch, u, kernel.parameter_array(PARAMETERS))
+    values, _, _ = run(kernel, batch, u)
     assert values.inadmissible == 2
     assert values.min_j_c[:3] == pytest.approx([1.0, 1.0, -0.5])
     assert np.isnan(values.min_j_c[3])
     assert np.isnan(values.energy_c[2:]).all()
     batch, u = affine(1, 9, H[3:])
-    assert kernel.cells(ENERGY, batch, u, kernel.parameter_array(PARAMETERS)).inadmissible == 0
+    assert kernel.cells(batch, u, kernel.parameter_array(PARAMETERS)).inadmissible == 0
 
 
 def test_a_nan_at_one_point_is_not_forgotten_at_the_next():
-    batch, u = affine(1, 5, np.zeros((1, 2, 2)))
-    batch.B_sqra[0, 1, 0, 0] = np.nan
+    batch, u = affine(1, 5, np.zeros((1, 2, 2)), [1.0, np.nan, 1.0, 1.0, 1.0])
     kernel = kernel_of("solid")
-    values = kernel.cells(ENERGY, batch, u, kernel.parameter_array(PARAMETERS))
+    values = kernel.cells(batch, u, kernel.parameter_array(PARAMETERS))
     assert np.isnan(values.min_j_c[0])
     assert values.inadmissible == 0
 
@@ -119,7 +215,7 @@ def test_j_of_zero_is_inadmissible():
     H = np.array([[[-1.0, 0.0], [0.0, 0.0]]])
     kernel = kernel_of("medium_huhu")
     batch, u = affine(1, 1, H)
-    assert kernel.cells(ENERGY, batch, u, kernel.parameter_array(PARAMETERS)).inadmissible == 0
+    assert kernel.cells(batch, u, kernel.parameter_array(PARAMETERS)).inadmissible == 0
 
 
 def test_largest_step_is_the_first_root_of_the_quadratic():
@@ -144,29 +240,32 @@ def test_largest_step_is_the_first_root_of_the_quadratic():
 
 
 def test_largest_step_is_the_smallest_over_the_points():
-    B = np.zeros((1, 3, 6, 4))
-    B[0, :, 0, 0] = [0.5, 2.0, 1.0]
-    batch = CellBatch(np.zeros(1, np.int32), B, np.ones((1, 3)), 2)
-    du = np.array([[[-1.0, 0.0], [0.0, 0.0]]])
-    assert kernel_of("solid").max_step(batch, np.zeros((1, 2, 2)), du)[0] == pytest.approx(0.5)
+    batch, du = affine(1, 3, np.array([[[-1.0, 0.0], [0.0, 0.0]]]), [0.5, 2.0, 1.0])
+    assert kernel_of("solid").max_step(batch, np.zeros((2, 2)), du)[0] == pytest.approx(0.5)
 
 
 def test_arrays_of_the_wrong_shape_are_refused():
-    kernel = kernel_of("solid")
+    kernel, medium = kernel_of("solid"), kernel_of("medium_huhu")
     batch, u = affine(2, 1, np.zeros((2, 2, 2)))
     parameters = kernel.parameter_array(PARAMETERS)
-    with pytest.raises(ValueError, match=r"u_cai has shape \(1, 2, 2\), expected \(2, 2, 2\)"):
-        kernel.cells(ENERGY, batch, u[:1], parameters)
-    with pytest.raises(ValueError, match=r"du_cai has shape \(1, 2, 2\), expected \(2, 2, 2\)"):
+    with pytest.raises(ValueError, match=r"u_ni has shape \(3, 2\), expected \(4 or more, 2\)"):
+        kernel.cells(batch, u[:3], parameters)
+    with pytest.raises(ValueError, match=r"du_ni has shape \(1, 2\), expected \(4 or more, 2\)"):
         kernel.max_step(batch, u, u[:1])
+    with pytest.raises(ValueError, match="residual_ni must be a C-contiguous array"):
+        kernel.cells(batch, u, parameters, np.zeros((2, 4)).T)
     with pytest.raises(ValueError, match="kernels take C-contiguous arrays only"):
-        kernel.cells(TANGENT, batch, u, parameters, np.empty((4, 4, 2)).transpose(2, 0, 1))
+        kernel.cells(batch, u, parameters, None, Tangents(np.empty((4, 4, 2)).transpose(2, 0, 1)))
+    with pytest.raises(ValueError, match=r"dense_caibj has shape \(1, 4, 4\), expected \(2, 2, 2, 2, 2\)"):
+        kernel.cells(batch, u, parameters, None, Tangents(np.empty((1, 4, 4))))
+    with pytest.raises(ValueError, match="position_cab does not belong to the batch"):
+        kernel.cells(batch, u, parameters, None, Tangents(None, np.zeros(3), np.zeros((1, 2, 2), dtype=np.int32)))
     with pytest.raises(ValueError, match=r"2 parameters expected \(K, mu\), got 1"):
-        kernel.cells(ENERGY, batch, u, parameters[:1])
+        kernel.cells(batch, u, parameters[:1])
     with pytest.raises(ValueError, match=r"2 parameters expected \(K, mu\), got 3"):
         kernel.points(ENERGY, np.zeros((1, 12)), np.ones(3))
-    with pytest.raises(ValueError, match="kernels take C-contiguous arrays only"):
-        kernel.cells(ENERGY, CellBatch(batch.shape_c, batch.B_sqra[..., ::-1], batch.w_sq, 2), u, parameters)
+    with pytest.raises(ValueError, match="'medium_huhu' needs second derivatives"):
+        medium.cells(replace(batch, second_sp=None), u, medium.parameter_array(PARAMETERS))
 
 
 # ---- ABI ------------------------------------------------------------------------------------------------------------
@@ -175,7 +274,7 @@ def test_arrays_of_the_wrong_shape_are_refused():
 def test_signatures_are_those_of_the_header():
     code = re.sub(r"/\*.*?\*/", "", abi_header(), flags=re.DOTALL)
     declared = {}
-    for result, name, arguments in re.findall(r"(\w+) (tmc_\w+)\(([^)]*)\)", code):
+    for result, name, arguments in re.findall(r"(\w+) (tmc_\w+)\(([^)]*)\);", code):
         types = ["pointer" if "*" in argument else argument.split()[0] for argument in arguments.split(",")]
         declared[name] = (result, types)
     names = {abi._INT: "int", abi._INT64: "int64_t", abi._ARRAY: "pointer", None: "void"}
@@ -184,6 +283,19 @@ def test_signatures_are_those_of_the_header():
         for name, (result, arguments) in abi.SIGNATURES.items()
     }
     assert declared == expected
+
+
+def test_structures_are_those_of_the_header():
+    code = re.sub(r"/\*.*?\*/", "", abi_header(), flags=re.DOTALL)
+    names = {ctypes.c_int64: "int64_t", ctypes.c_int32: "int32_t", ctypes.c_void_p: "pointer"}
+    for name, struct in (("tmc_batch", BatchStruct), ("tmc_tangents", TangentsStruct)):
+        (body,) = re.findall(rf"typedef struct {{([^}}]*)}} {name};", code)
+        declared = []
+        for statement in filter(str.strip, body.split(";")):
+            kind = "pointer" if "*" in statement else statement.split()[0]
+            first = statement.strip().rsplit(" ", statement.count(",") + 1)[1:]
+            declared += [(word.strip("*, "), kind) for word in first]
+        assert declared == [(field, names[kind]) for field, kind in struct._fields_], name
 
 
 def test_a_library_that_is_no_kernel_is_refused(tmp_path):

@@ -1,0 +1,220 @@
+"""Cells ready for a kernel: the arrays of ``tmc_batch`` and ``tmc_tangents`` in kernel_abi.h as numpy arrays."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Int32 = NDArray[np.int32]
+
+LANES, ALIGNMENT = 8, 64
+
+
+class BatchStruct(ctypes.Structure):
+    """``tmc_batch``; a test compares the fields with the header."""
+
+    _fields_ = (
+        ("n_cells", ctypes.c_int64),
+        *((name, ctypes.c_int32) for name in ("n_basis", "n_points", "n_pieces", "gradient_degree", "second_degree")),
+        *((name, ctypes.c_void_p) for name in ("shape_c", "nodes_ca", "piece_q", "w_spq", "xi_spqx")),
+        *((name, ctypes.c_void_p) for name in ("inverse_h_sp", "gradient_sptxma", "second_spxma")),
+    )
+
+
+class TangentsStruct(ctypes.Structure):
+    """``tmc_tangents``."""
+
+    _fields_ = tuple((n, ctypes.c_void_p) for n in ("dense_caibj", "values", "position_cab", "row_length_n"))
+
+
+@dataclass(frozen=True)
+class CellBatch:
+    """Cells with equally many basis functions, pieces and quadrature points; see kernel_abi.h for the meaning.
+
+    Arrays that end in ``spX`` hold shapes in packs of eight, (n_packs, ..., 8); :meth:`pack` makes them.
+
+    Attributes:
+        shape_c: (n_cells,) shape of each cell.
+        nodes_ca: (n_cells, n_basis) nodes of each cell.
+        piece_q: (n_points,) piece on which each quadrature point lies.
+        w_sp, xi_sp, inverse_h_sp, gradient_sp, second_sp: per pack of shapes; ``second_sp`` may be None for energies
+            of F alone.
+        gradient_degree, second_degree: of the polynomials.
+        n_pieces: pieces of the projected gradient.
+    """
+
+    shape_c: Int32
+    nodes_ca: Int32
+    piece_q: Int32
+    w_sp: Array
+    xi_sp: Array
+    inverse_h_sp: Array
+    gradient_sp: Array
+    second_sp: Array | None
+    gradient_degree: int
+    second_degree: int
+    n_pieces: int
+
+    @staticmethod
+    def pack(
+        shape_c: NDArray[Any],
+        nodes_ca: NDArray[Any],
+        piece_q: NDArray[Any],
+        w_sq: Array,
+        xi_sqx: Array,
+        h_s: Array,
+        gradient_stxma: Array,
+        second_sxma: Array | None,
+    ) -> CellBatch:
+        """Batch of arrays with one entry per shape.
+
+        Args:
+            shape_c, nodes_ca, piece_q: see the class.
+            w_sq: (n_shapes, n_points) quadrature weights (area).
+            xi_sqx: (n_shapes, n_points, 2) quadrature points, scaled: ``(x - x_E) / h``.
+            h_s: (n_shapes,) scales.
+            gradient_stxma: (n_shapes, n_pieces, 2, dim P_l, n_basis) coefficients of the projected gradient.
+            second_sxma: (n_shapes, 2, dim P_m, n_basis) coefficients of the polynomial vector field whose derivatives
+                are the second gradient; the same array as ``gradient_stxma`` is kept once.
+        """
+        gradient = _packed(gradient_stxma)
+        shared = second_sxma is not None and np.shares_memory(second_sxma, gradient_stxma)
+        return CellBatch(
+            shape_c=np.ascontiguousarray(shape_c, dtype=np.int32),
+            nodes_ca=np.ascontiguousarray(nodes_ca, dtype=np.int32),
+            piece_q=np.ascontiguousarray(piece_q, dtype=np.int32),
+            w_sp=_packed(w_sq),
+            xi_sp=_packed(xi_sqx),
+            inverse_h_sp=_packed(1.0 / h_s),
+            gradient_sp=gradient,
+            second_sp=gradient if shared else None if second_sxma is None else _packed(second_sxma),
+            gradient_degree=_degree(gradient_stxma.shape[3]),
+            second_degree=0 if second_sxma is None else _degree(second_sxma.shape[2]),
+            n_pieces=gradient_stxma.shape[1],
+        )
+
+    def take(self, cells: NDArray[Any] | slice) -> CellBatch:
+        """Some of the cells, with all shapes."""
+        return CellBatch(
+            np.ascontiguousarray(self.shape_c[cells]), np.ascontiguousarray(self.nodes_ca[cells]), self.piece_q,
+            self.w_sp, self.xi_sp, self.inverse_h_sp, self.gradient_sp, self.second_sp, self.gradient_degree,
+            self.second_degree, self.n_pieces,
+        )  # fmt: skip
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells."""
+        return len(self.shape_c)
+
+    @property
+    def n_basis(self) -> int:
+        """Scalar basis functions of a cell."""
+        return self.nodes_ca.shape[1]
+
+    @property
+    def n_points(self) -> int:
+        """Quadrature points of a cell."""
+        return len(self.piece_q)
+
+    @property
+    def w_sq(self) -> Array:
+        """Weights (n_shapes, n_points); shapes beyond the last one repeat it."""
+        return np.moveaxis(self.w_sp, -1, 1).reshape(-1, self.n_points)
+
+    @property
+    def xi_sqx(self) -> Array:
+        """Scaled points (n_shapes, n_points, 2); shapes beyond the last one repeat it."""
+        return np.moveaxis(self.xi_sp, -1, 1).reshape(-1, self.n_points, 2)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of all arrays."""
+        arrays = {id(a): a.nbytes for a in vars(self).values() if isinstance(a, np.ndarray)}
+        return sum(arrays.values())
+
+    @cached_property
+    def struct(self) -> BatchStruct:
+        """What C reads; it points into the arrays of this object.
+
+        Raises:
+            ValueError: an array is not contiguous.
+        """
+        return BatchStruct(
+            self.n_cells, self.n_basis, self.n_points, self.n_pieces, self.gradient_degree, self.second_degree,
+            address(self.shape_c), address(self.nodes_ca), address(self.piece_q), address(self.w_sp),
+            address(self.xi_sp), address(self.inverse_h_sp), address(self.gradient_sp), address(self.second_sp),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Tangents:
+    """Where element tangents go: an array ``dense_caibj`` (n_cells, n_basis, 2, n_basis, 2), or a sparse matrix.
+
+    Attributes:
+        dense_caibj: overwritten.
+        values: entries of the matrix, added to.
+        position_cab: (n_cells, n_basis, n_basis) position in ``values`` of entry (2 a, 2 b) of a cell.
+        row_length_n: entries of row ``2 n``; row ``2 n + 1`` has the same pattern.
+    """
+
+    dense_caibj: Array | None = None
+    values: Array | None = None
+    position_cab: Int32 | None = None
+    row_length_n: Int32 | None = field(default=None)
+
+    @property
+    def struct(self) -> TangentsStruct:
+        """What C reads.
+
+        Raises:
+            ValueError: an array is not contiguous.
+        """
+        arrays = (self.dense_caibj, self.values, self.position_cab, self.row_length_n)
+        return TangentsStruct(*(address(a) for a in arrays))
+
+
+def address(array: NDArray[Any] | None) -> int | None:
+    """Address of an array's data for C.
+
+    Raises:
+        ValueError: the array is not C-contiguous.
+    """
+    if array is None:
+        return None
+    if not array.flags.c_contiguous:
+        raise ValueError("kernels take C-contiguous arrays only")
+    return array.ctypes.data
+
+
+def _packed(values: Array) -> Array:
+    """(n_packs, ..., 8) from (n_shapes, ...); the last pack is filled up with the last shape."""
+    n_shapes, rest = len(values), values.shape[1:]
+    n_packs, whole = -(-n_shapes // LANES), n_shapes // LANES
+    packed = _aligned((n_packs, *rest, LANES))
+    packed[:whole] = np.moveaxis(values[: whole * LANES].reshape(whole, LANES, *rest), 1, -1)
+    if n_packs > whole:
+        last = np.minimum(np.arange(whole * LANES, n_packs * LANES), n_shapes - 1)
+        packed[whole] = np.moveaxis(values[last], 0, -1)
+    return packed
+
+
+def _aligned(shape: Sequence[int]) -> Array:
+    size = int(np.prod(shape)) * 8
+    memory = np.empty(size + ALIGNMENT, dtype=np.uint8)
+    start = -memory.ctypes.data % ALIGNMENT
+    return memory[start : start + size].view(np.float64).reshape(shape)
+
+
+def _degree(dimension: int) -> int:
+    """Degree of the polynomials of two variables with that many monomials."""
+    degree = 0
+    while (degree + 1) * (degree + 2) // 2 < dimension:
+        degree += 1
+    return degree
