@@ -11,7 +11,6 @@ import argparse
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from harness import interleaved, report
 from meshes import DOFS_PER_CELL, ENERGIES, VALUES, bend, region, square
 from mpi4py import MPI
@@ -43,7 +42,11 @@ def fem(name: str, n_dofs: float, triangles: bool) -> tuple[Any, Work]:
     values = {key: VALUES[key] for key in energy.parameters}
     density = RegionEnergy(energy, values, is_medium=True)
     system = FemSystem(
-        MPI.COMM_WORLD, lambda: square("quadrilaterals", n_dofs), {"body": density}, (), FemSettings(triangles=triangles)
+        MPI.COMM_WORLD,
+        lambda: square("quadrilaterals", n_dofs),
+        {"body": density},
+        (),
+        FemSettings(triangles=triangles),
     )
     u, matrix = system.create_vector(), system.create_matrix()
     u.getArray()[:] = bend(system.node_labels()[:, :2]).ravel()

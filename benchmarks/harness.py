@@ -73,7 +73,9 @@ def machine() -> dict[str, Any]:
     }
 
 
-def report(name: str, title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], data: Mapping[str, Any]) -> None:
+def report(
+    name: str, title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], data: Mapping[str, Any]
+) -> None:
     """Print a table and write ``runs/bench/<name>.json``."""
     table = Table(title=title, title_justify="left")
     for n, heading in enumerate(columns):

@@ -11,7 +11,7 @@ from tmc_vem.energy import DENSITIES
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.voronoi import voronoi_mesh
-from tmc_vem.vem.system import RegionKernel
+from tmc_vem.vem.blocks import RegionKernel
 
 ENERGIES = {"huhu_lulu": "medium_huhu_lulu_damped", "angle": "medium_angle_damped", "solid": "solid"}
 VALUES = {"K": 20.0, "mu": 10.0, "gamma": 1e-3, "alpha_r": 0.7, "beta": 5.0}

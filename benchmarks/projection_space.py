@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,7 @@ from tmc_vem.problems.base import Medium
 from tmc_vem.simulation import RunOptions, run
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.vem.element import PROJECTIONS, ElementSettings, _elastic_tangent, build_elements
+from tmc_vem.vem.tables import points_and_values
 
 Float = NDArray[np.float64]
 
@@ -68,8 +70,8 @@ def study_zoo() -> None:
             except TmcError:
                 cells.append("-")
                 continue
-            rows = np.moveaxis(group.B_sqra[:, :, :2, : group.n_basis], 2, 0)
-            eigenvalues = np.linalg.eigvalsh(_elastic_tangent(rows, rows * group.w_sq[..., None]))[0]
+            rows = np.moveaxis(group.tables.rows(2), 2, 0)
+            eigenvalues = np.linalg.eigvalsh(_elastic_tangent(rows, rows * group.tables.w_sq[..., None]))[0]
             space = {"composite": "c", "macro": "m"}.get(group.projection, group.projection.removeprefix("harmonic "))
             cells.append(f"{eigenvalues[3] / eigenvalues[-1]:.0e} {space}")
         print(name.ljust(26), *(c.rjust(14) for c in cells))
@@ -118,13 +120,12 @@ def second_gradient_error(system, u, gradient, step: float = 1e-5) -> float:  # 
     nodes, mesh = system.nodal_values(u), system.distributed.mesh
     total = area = 0.0
     for block in system.blocks:
-        if block.group.n_sides == 4:
+        if block.n_sides == 4:
             continue
-        shape = block.batch.shape_c
-        points = (block.group.points_sqx[shape] + mesh.points_vx[block.first_vertices(mesh)][:, None]).reshape(-1, 2)
-        w = block.batch.w_sq[shape]
-        rows = block.batch.B_sqra[shape][:, :, 2:, : block.batch.n_basis]
-        G = np.einsum("cqra,cai->cqri", rows, nodes[block.nodes_ca])
+        points_cqx, _ = points_and_values(block.polygons(mesh), system.settings.order, block.scaled_points())
+        points, w = points_cqx.reshape(-1, 2), block.weights()
+        rows = block.rows(6)[:, :, 2:]
+        G = np.einsum("cqra,cai->cqri", rows, nodes[block.batch.nodes_ca])
         for k in (0, 1):
             e = step * np.eye(2)[k]
             exact = (gradient(points + e) - gradient(points - e)).reshape(-1, 2, 2) / (2 * step)
@@ -180,7 +181,7 @@ def study_beam() -> None:
 
 def study_cost() -> None:
     """Seconds for the element tangents of 4000 cells."""
-    from codegen.kernel import TANGENT
+    from codegen.batch import Tangents
 
     print("cell            projection   points  dofs  microseconds a tangent")
     for name, polygon in (
@@ -195,17 +196,17 @@ def study_cost() -> None:
                 continue
             (block,) = system.blocks
             n = 4000
-            batch = type(block.batch)(
-                np.zeros(n, dtype=np.int32), block.batch.B_sqra, block.batch.w_sq, block.batch.n_basis
-            )
-            u = np.zeros((n, block.batch.n_basis, 2))
+            n_basis = block.batch.n_basis
+            nodes_ca = np.tile(block.batch.nodes_ca, (n, 1))
+            batch = replace(block.batch, shape_c=np.zeros(n, dtype=np.int32), nodes_ca=nodes_ca)
+            u, tangents = np.zeros((n_basis, 2)), Tangents(np.empty((n, 2 * n_basis, 2 * n_basis)))
             seconds = []
             for _ in range(5):
                 start = time.perf_counter()
-                block.kernel.cells(TANGENT, batch, u, block.parameters)
+                block.kernel.cells(batch, u, block.parameters, None, tangents)
                 seconds.append(time.perf_counter() - start)
-            label = f"{projection} ({block.group.projection})"
-            size = f"{block.batch.w_sq.shape[1]:4d} {2 * block.batch.n_basis:5d}"
+            label = f"{projection} ({block.projection})"
+            size = f"{block.batch.n_points:4d} {2 * n_basis:5d}"
             print(f"{name:15s} {label:24s} {size} {1e6 * min(seconds) / n:8.2f}")
 
 

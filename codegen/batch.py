@@ -134,6 +134,20 @@ class CellBatch:
         return np.moveaxis(self.xi_sp, -1, 1).reshape(-1, self.n_points, 2)
 
     @property
+    def inverse_h_s(self) -> Array:
+        """Inverse scales (n_shapes,); shapes beyond the last one repeat it."""
+        return self.inverse_h_sp.ravel()
+
+    def coefficients(self, shapes: NDArray[Any]) -> tuple[Array, Array]:
+        """``gradient_stxma`` and ``second_sxma`` of some shapes; the second is empty where there is none."""
+        pack, lane = shapes // LANES, shapes % LANES
+        gradient = self.gradient_sp[pack, ..., lane]
+        if self.second_sp is None:
+            return gradient, np.empty((len(shapes), 2, 0, self.n_basis))
+        second = self.second_sp[pack, ..., lane]
+        return gradient, second.reshape(len(shapes), 2, -1, self.n_basis)
+
+    @property
     def nbytes(self) -> int:
         """Memory of all arrays."""
         arrays = {id(a): a.nbytes for a in vars(self).values() if isinstance(a, np.ndarray)}

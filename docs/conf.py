@@ -7,7 +7,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
-from tmc_vem import __version__  # noqa: E402
+from tmc_vem import __version__
 
 project = "tmc-vem"
 author = "The tmc-vem authors"

@@ -18,9 +18,11 @@ from tmc_vem.mesh import PolygonMesh
 from tmc_vem.mesh.distribute import distribute
 from tmc_vem.mesh.geometry import areas, centroids, diameters
 from tmc_vem.problems import Problem
+from tmc_vem.vem.blocks import RegionKernel
 from tmc_vem.vem.element import ElementSettings
 from tmc_vem.vem.quadrature import on_triangles, sub_triangles
-from tmc_vem.vem.system import RegionKernel, VemSystem
+from tmc_vem.vem.system import VemSystem
+from tmc_vem.vem.tables import points_and_values
 
 Float = NDArray[np.float64]
 Field = Callable[[Float], Float]
@@ -97,14 +99,10 @@ def errors(system: VemSystem, u: Any, field: Field, gradient: Field) -> tuple[fl
     mesh = system.distributed.mesh
     displacement = slope = 0.0
     for block in system.blocks:
-        shape = block.batch.shape_c
-        first = mesh.points_vx[[mesh.cell(c)[0] for c in block.cells]]
-        points = block.group.points_sqx[shape] + first[:, None]
-        weights = block.batch.w_sq[shape]
-        local = nodes[block.nodes_ca]
-        value = block.group.values_sqa[shape] @ local
-        rows = block.batch.B_sqra[shape][:, :, :2, : block.batch.n_basis]
-        projected = np.einsum("cqja,cai->cqij", rows, local)
+        points, values = points_and_values(block.polygons(mesh), system.settings.order, block.scaled_points())
+        weights, local = block.weights(), nodes[block.batch.nodes_ca]
+        value = values @ local
+        projected = np.einsum("cqja,cai->cqij", block.rows(2), local)
         flat = points.reshape(-1, 2)
         displacement += (weights[..., None] * (value - field(flat).reshape(value.shape)) ** 2).sum()
         slope += (weights[..., None, None] * (projected - gradient(flat).reshape(projected.shape)) ** 2).sum()

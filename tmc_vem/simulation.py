@@ -158,7 +158,8 @@ def discretise(problem: Problem, options: RunOptions, comm: Any) -> Any:
         return FemSystem(comm, problem.make_mesh, problem.regions(), problem.prescribed(), options.fem)
 
     from tmc_vem.mesh.distribute import distribute
-    from tmc_vem.vem.system import RegionKernel, VemSystem
+    from tmc_vem.vem.blocks import RegionKernel
+    from tmc_vem.vem.system import VemSystem
 
     kernels = {name: RegionKernel(*compile_region(region)) for name, region in problem.regions().items()}
     return VemSystem(distribute(comm, problem.make_mesh), kernels, problem.prescribed(), options.element)

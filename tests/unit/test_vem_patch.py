@@ -12,6 +12,7 @@ from tmc_vem.energy.registry import DENSITIES
 from tmc_vem.mesh.geometry import areas
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.vem.element import ElementSettings
+from tmc_vem.vem.tables import points_and_values
 
 MESHES = {
     "Voronoi": voronoi(20),
@@ -173,11 +174,11 @@ def test_quadratic_field_has_the_energy_of_every_regulariser(energy):
 
     expected = 0.0
     for block in system.blocks:
-        corners = system.distributed.mesh.points_vx[block.first_vertices(system.distributed.mesh)]
-        for c, s in enumerate(block.batch.shape_c):
-            points = block.group.points_sqx[s] + corners[c]
+        polygons = block.polygons(system.distributed.mesh)
+        points_cqx, _ = points_and_values(polygons, 2, block.scaled_points())
+        for points, w_q in zip(points_cqx, block.weights(), strict=True):
             F = np.moveaxis(np.eye(2) + quadratic_gradient(points), 0, -1)
-            expected += block.batch.w_sq[s] @ DENSITIES[energy].density(F, G, Parameters, np)
+            expected += w_q @ DENSITIES[energy].density(F, G, Parameters, np)
     assert system.energy(u).energy == pytest.approx(expected, rel=1e-9)
 
 
@@ -193,7 +194,7 @@ def test_high_projection_degrees_keep_constant_stress_in_balance(k):
         system = make_system(
             mesh, region("solid", **SOLID), CLAMPED, ElementSettings(order=k, quadrature=quadrature, projection="full")
         )
-        assert system.blocks[0].group.degree >= 6
+        assert system.blocks[0].degree >= 6
         out = system.create_vector()
         system.residual(interpolate(system, linear), out)
         assert np.abs(free_part(system, out)).max() < 1e-11

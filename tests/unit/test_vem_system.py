@@ -11,7 +11,9 @@ from tmc_vem.constraints import Prescribed
 from tmc_vem.errors import InputError
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.problems import Box, Medium
+from tmc_vem.vem import insertion
 from tmc_vem.vem.element import ElementSettings
+from tmc_vem.vem.tables import points_and_values
 
 MEDIUM = {"mu": 10.0, "gamma": 0.1, "alpha_r": 0.3, "beta": 2.0}
 ENERGIES = ["solid", "medium_huhu_lulu_damped", "medium_angle_damped", "medium_huhu"]
@@ -101,6 +103,22 @@ def test_tangent_is_symmetric_and_assembles_its_action(name):
     product, expected = K @ du.getArray(), action.getArray().copy()
     product[fixed] = expected[fixed] = 0.0
     assert product == pytest.approx(expected, abs=1e-11 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", ["box", "Voronoi, medium_angle_damped", "solid and medium, order 3", "hanging nodes"])
+def test_direct_insertion_is_that_of_petsc(name, monkeypatch):
+    """Most cells write to the matrix' values; with every cell through MatSetValuesLocal the matrix is the same."""
+    tangents = []
+    for direct in (True, False):
+        if not direct:
+            monkeypatch.setattr(insertion, "_structure", lambda matrix: None)
+        system = SYSTEMS[name]()
+        matrix, u = system.create_matrix(), interpolate(system, wavy)
+        assert any(part.direct.n_cells for part in system._insertion._parts) == direct
+        for _ in range(2):  # the second time over the values of the first
+            system.jacobian(u, matrix)
+        tangents.append(dense(matrix))
+    np.testing.assert_allclose(tangents[0], tangents[1], rtol=0, atol=1e-13 * np.abs(tangents[1]).max())
 
 
 def test_constrained_rows_and_columns_are_the_identity():
@@ -230,7 +248,7 @@ def test_body_force_does_the_work_of_a_constant_force():
     integral = np.zeros(2)
     nodes = system.nodal_values(u)
     for block in system.blocks:
-        area = block.batch.w_sq[block.batch.shape_c].sum(axis=1)
+        area = block.weights().sum(axis=1)
         integral += area @ nodes[system.dofmap.cell_moments[block.cells, 0]]
     assert stored - potential == pytest.approx(integral @ [3.0, -2.0], rel=1e-12)
     translations = [interpolate(system, lambda x, i=i: np.eye(2)[i] * np.ones_like(x)) for i in (0, 1)]
@@ -264,9 +282,10 @@ def test_shared_edges_are_read_in_the_same_direction_by_both_cells(k):
 
         nodes = system.nodal_values(interpolate(system, field))
         for block in system.blocks:
-            for c, s, local in zip(block.cells, block.batch.shape_c, nodes[block.nodes_ca], strict=True):
-                x, y = (block.group.points_sqx[s] + mesh.points_vx[mesh.cell(c)[0]]).T
-                rows = block.group.B_sqra[s][:, :2, : block.group.n_basis] @ local  # q, derivative, component
+            points_cqx, _ = points_and_values(block.polygons(mesh), k, block.scaled_points())
+            for at_qx, B_qra, local in zip(points_cqx, block.rows(2), nodes[block.batch.nodes_ca], strict=True):
+                x, y = at_qx.T
+                rows = B_qra @ local  # q, derivative, component
                 assert rows[:, 0, 0] == pytest.approx(k * x ** (k - 1), abs=1e-9)
                 assert rows[:, 1, 0] == pytest.approx(0.0 * x, abs=1e-9)
                 assert rows[:, 0, 1] == pytest.approx(y ** (k - 1), abs=1e-9)

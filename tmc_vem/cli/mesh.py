@@ -216,10 +216,9 @@ def describe(mesh: Any, order: int) -> list[tuple[str, str]]:
     for degree in sorted({d for d, _ in degrees}):
         parts = ", ".join(f"{n} with {sides} sides" for (d, sides), n in sorted(degrees.items()) if d == degree)
         rows.append((f"l = {degree}", parts))
-    tables = sum(g.B_sqra.nbytes + g.w_sq.nbytes + g.values_sqa.nbytes + g.points_sqx.nbytes for g in groups)
-    shapes = sum(len(g.w_sq) for g in groups)
-    tangents = sum(len(g.cells) * (2 * g.n_basis) ** 2 * 8 for g in groups)
-    rows.append(("memory", f"{tables / 1e6:.1f} MB for {shapes} shapes, {tangents / 1e6:.1f} MB for element tangents"))
+    tables, shapes = sum(g.tables.nbytes for g in groups), sum(len(g.tables.h_s) for g in groups)
+    n_points = sum(len(g.cells) * len(g.tables.piece_q) for g in groups)
+    rows.append(("elements", f"{shapes} shapes in {tables / 1e6:.1f} MB, {n_points} quadrature points"))
     return rows
 
 

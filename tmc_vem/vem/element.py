@@ -21,23 +21,18 @@ from tmc_vem.errors import InputError
 from tmc_vem.mesh.geometry import diameters
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.validation import check_fields, require_choice
-from tmc_vem.vem import monomials
-from tmc_vem.vem.projector import (
-    PolygonGeometry,
-    dofs_of_monomials,
-    elliptic_projector,
-    gradient_projector,
-    n_scalar_dofs,
-    value_projector,
-)
-from tmc_vem.vem.quadrature import on_triangles, sub_triangles, triangle
+from tmc_vem.vem.projector import PolygonGeometry, dofs_of_monomials, elliptic_projector, gradient_projector
+from tmc_vem.vem.quadrature import sub_triangles
+from tmc_vem.vem.rules import CellRule, compressed, convex, on_sub_triangles
 from tmc_vem.vem.space_composite import CompositeSpace
 from tmc_vem.vem.space_macro import MacroSpace
-from tmc_vem.vem.spaces import N_ROWS, FullSpace, HarmonicSpace, ProjectionSpace, Shapes
+from tmc_vem.vem.spaces import FullSpace, HarmonicSpace, ProjectionSpace
+from tmc_vem.vem.tables import Tables, tabulate
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
+RULES = ("compressed", "triangles")
 PROJECTIONS = ("auto", "full", "harmonic", "macro", "composite")
 RIGID_MODES = 3
 LARGEST_DEGREE = 8
@@ -64,6 +59,8 @@ class ElementSettings:
             integrates the product of a stress of degree k - 1 and a projected gradient, and so keeps the order of
             convergence. A lower degree is raised to l, below which constant stresses are out of balance. On the box,
             degrees 4 to 10 change the gap by less than one percent for k = 2.
+        rule: 'compressed' uses few points where the projected gradient is one polynomial on the whole cell, see
+            :mod:`tmc_vem.vem.rules`; 'triangles' puts the rule of the full degree on every sub-triangle of all cells.
         projection: what gradients are projected on. 'full': [P_l]^2 with the smallest l that the spectral test allows;
             'harmonic': [P_k]^2 and as many gradients of harmonic polynomials as it takes; 'macro': H(div)-conforming
             piecewise [P_k]^2; 'composite': gradients of continuous piecewise P_k; 'auto': 'full' where l up to k + 1
@@ -74,10 +71,12 @@ class ElementSettings:
     degree: int | None = None
     quadrature: int | None = None
     projection: str = "auto"
+    rule: str = "compressed"
 
     def __post_init__(self) -> None:
         check_fields(self)
         require_choice("projection", self.projection, PROJECTIONS)
+        require_choice("rule", self.rule, RULES)
         if self.degree is not None and self.projection not in ("auto", "full"):
             raise InputError(f"a degree l belongs to the projection 'full': '{self.projection}' has its own")
         if self.order not in (2, 3, 4):
@@ -97,6 +96,13 @@ class ElementSettings:
         if self.quadrature is None:
             return max(2 * self.order, degree + self.order - 1)
         return max(self.quadrature, degree)
+
+    def cell_rule(self, space: ProjectionSpace, polygons_svx: Float, triangles_stpx: Float) -> CellRule:
+        """Quadrature rule for a projection space."""
+        degree = self.rule_degree(space.degree)
+        if self.rule == "triangles" or space.piecewise_degree is not None:
+            return on_sub_triangles(triangles_stpx, degree)
+        return compressed(polygons_svx, triangles_stpx, degree)
 
     def candidates(self, n_sides: int) -> list[tuple[ProjectionSpace, float]]:
         """Spaces to try one after another, with the stability constant that each of them needs."""
@@ -124,31 +130,23 @@ class ElementGroup:
     Attributes:
         cells: (n,) cells of the mesh.
         shape_c: (n,) int32, class of congruent cells of each.
-        B_sqra: (n_shapes, n_points, 6, stride) derivatives d1, d2, d1d1, d2d1, d1d2, d2d2 of the projected basis.
-        w_sq: (n_shapes, n_points) weights.
-        n_basis: scalar degrees of freedom of a cell; the last axis of B is padded with zeros beyond.
+        tables: projected basis and quadrature of every class.
         n_sides: vertices of each cell.
         degree: degree of the space's polynomials, the l of [P_l]^2.
         projection: the l of [P_l]^2, or the name of another space.
-        values_sqa: (n_shapes, n_points, n_basis) values of Pi0_k of the basis, for loads and errors.
-        points_sqx: (n_shapes, n_points, 2) quadrature points relative to the cell's first vertex.
     """
 
     cells: Int
     shape_c: NDArray[np.int32]
-    B_sqra: Float
-    w_sq: Float
-    n_basis: int
+    tables: Tables
     n_sides: int
     degree: int
     projection: str
-    values_sqa: Float
-    points_sqx: Float
 
-
-def padded(n: int, multiple: int = 4) -> int:
-    """``n`` rounded up for the vectorised cell driver."""
-    return -(-n // multiple) * multiple
+    @property
+    def n_basis(self) -> int:
+        """Scalar degrees of freedom of a cell."""
+        return self.tables.n_basis
 
 
 def build_elements(mesh: PolygonMesh, settings: ElementSettings, cell_ids: Int | None = None) -> list[ElementGroup]:
@@ -167,7 +165,7 @@ def build_elements(mesh: PolygonMesh, settings: ElementSettings, cell_ids: Int |
     for _, cells, vertices_cv in mesh.cells_by_size():
         polygons_cvx = mesh.points_vx[vertices_cv]
         representatives, shape_of = congruence_classes(polygons_cvx)
-        for part, triangles in sub_triangles(polygons_cvx[representatives]):
+        for part, triangles in _alike(polygons_cvx[representatives]):
             shapes = polygons_cvx[representatives[part]]
             names = cells[representatives[part]] if cell_ids is None else cell_ids[cells[representatives[part]]]
             for space, chosen, tables in _choose_space(shapes, triangles, names, settings):
@@ -181,11 +179,7 @@ def build_elements(mesh: PolygonMesh, settings: ElementSettings, cell_ids: Int |
                         n_sides=vertices_cv.shape[1],
                         degree=space.degree,
                         projection=space.label,
-                        n_basis=n_scalar_dofs(vertices_cv.shape[1], settings.order),
-                        B_sqra=tables.B_sqra,
-                        w_sq=tables.w_sq,
-                        values_sqa=tables.values_sqa,
-                        points_sqx=tables.points_sqx,
+                        tables=tables,
                     )
                 )
     return groups
@@ -201,45 +195,14 @@ def congruence_classes(polygons_cvx: Float) -> tuple[Int, Int]:
     return representatives, classes.reshape(-1)
 
 
-@dataclass(frozen=True)
-class Tables:
-    """The arrays of :class:`ElementGroup` for every shape."""
-
-    B_sqra: Float
-    w_sq: Float
-    values_sqa: Float
-    points_sqx: Float
-
-    def take(self, chosen: Int) -> Tables:
-        return Tables(self.B_sqra[chosen], self.w_sq[chosen], self.values_sqa[chosen], self.points_sqx[chosen])
-
-
-def tabulate(
-    polygons_cvx: Float, triangles_ctpx: Float, k: int, space: int | ProjectionSpace, quadrature: int
-) -> Tables:
-    """Projected basis and its derivatives at the quadrature points of every polygon; see :class:`ElementGroup`.
-
-    Args:
-        polygons_cvx, triangles_ctpx: polygons and their sub-triangles.
-        k: order.
-        space: what gradients are projected on; a number l stands for [P_l]^2.
-        quadrature: degree of the rule on the sub-triangles.
-    """
-    if isinstance(space, int):
-        space = FullSpace(space)
-    shapes = Shapes.of(polygons_cvx, triangles_ctpx, k, space.degree)
-    barycentric, _ = triangle(quadrature)
-    points, weights = on_triangles(triangles_ctpx, quadrature)
-    n_basis = shapes.n_basis
-    B_sqra = np.zeros((*weights.shape, N_ROWS, padded(n_basis)))
-    B_sqra[..., :n_basis] = space.rows(shapes, barycentric)
-    return Tables(
-        B_sqra=B_sqra,
-        w_sq=weights,
-        values_sqa=monomials.values(k, shapes.scaled_points(barycentric))
-        @ value_projector(shapes.geometry, k, shapes.elliptic_cad),
-        points_sqx=points - polygons_cvx[:, :1],
-    )
+def _alike(polygons_cvx: Float) -> Iterator[tuple[Int, Float]]:
+    """Cells (n,) that take the same kind of quadrature rule, and their sub-triangles."""
+    for part, triangles in sub_triangles(polygons_cvx):
+        # for quadrilaterals the rule depends on convexity, and must not depend on what else is on a rank
+        kind = convex(polygons_cvx[part]) if polygons_cvx.shape[1] == 4 else np.ones(len(part), dtype=bool)
+        for chosen in (np.flatnonzero(kind), np.flatnonzero(~kind)):
+            if len(chosen):
+                yield part[chosen], triangles[chosen]
 
 
 def stability_constants(polygons_cvx: Float, tables: Tables, k: int) -> Float:
@@ -249,8 +212,7 @@ def stability_constants(polygons_cvx: Float, tables: Tables, k: int) -> Float:
     on any polygon. The eigenvalues depend neither on the size of the cell nor on the scaling of its degrees of freedom,
     and edges short or long count alike. Rigid motions, which have no energy in either, are taken out.
     """
-    n_basis = tables.values_sqa.shape[2]
-    gradient = np.moveaxis(tables.B_sqra[:, :, :2, :n_basis], 2, 0)
+    gradient = np.moveaxis(tables.rows(2), 2, 0)
     tangent = _elastic_tangent(gradient, gradient * tables.w_sq[..., None])
     spectrum, modes = np.linalg.eigh(_stabilised_reference(polygons_cvx, k))
     scaled = modes[:, :, RIGID_MODES:] / np.sqrt(spectrum[:, None, RIGID_MODES:])
@@ -305,7 +267,8 @@ def _choose_space(
     k, n_sides = settings.order, shapes.shape[1]
     pending = np.arange(len(shapes))
     for space, least in settings.candidates(n_sides):
-        tables = tabulate(shapes[pending], triangles[pending], k, space, settings.rule_degree(space.degree))
+        rule = settings.cell_rule(space, shapes[pending], triangles[pending])
+        tables = tabulate(shapes[pending], triangles[pending], k, space, rule)
         constants = stability_constants(shapes[pending], tables, k)
         passes = constants[:, 0] >= least
         if settings.degree is not None and not passes.all():

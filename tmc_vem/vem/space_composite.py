@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tmc_vem.vem import monomials
 from tmc_vem.vem.projector import moments_of_basis
 from tmc_vem.vem.quadrature import triangle
-from tmc_vem.vem.spaces import FullSpace, Shapes
+from tmc_vem.vem.spaces import FullSpace, Gradients, Shapes, fitted
 from tmc_vem.vem.triangulation import (
     barycentric_gradients,
     bernstein,
@@ -26,6 +26,7 @@ from tmc_vem.vem.triangulation import (
     coefficient_numbers,
     corner_numbers,
     equal_topologies,
+    lattice,
 )
 
 Float = NDArray[np.float64]
@@ -55,18 +56,25 @@ class CompositeSpace:
         """Degree of the second gradient's space [P_k]^2; that of the gradient is k - 1."""
         return self.order
 
-    def rows(self, shapes: Shapes, barycentric_qp: Float) -> Float:
+    @property
+    def piecewise_degree(self) -> int:
+        """Degree of the gradient on every sub-triangle."""
+        return self.order - 1
+
+    def gradients(self, shapes: Shapes) -> Gradients:
         """See :class:`tmc_vem.vem.spaces.ProjectionSpace`; the second gradient is that of [P_k]^2."""
-        rows = FullSpace(self.order).rows(shapes, barycentric_qp)
-        slopes = bernstein_gradients(self.order, barycentric_qp)
+        points = lattice(self.piecewise_degree)
+        slopes = bernstein_gradients(self.piecewise_degree + 1, points)
         corners = corner_numbers(shapes.polygons_cvx, shapes.triangles_ctpx)
+        values = np.empty((*shapes.triangles_ctpx.shape[:2], len(points), 2, shapes.n_basis))
         for chosen, corners_tp in equal_topologies(corners):
             part = shapes.take(chosen)
             coefficients_ctna = reconstruction(part, corners_tp)
             gradients, _ = barycentric_gradients(part.triangles_ctpx)
-            first = np.einsum("qnp,ctpx,ctna->ctqxa", slopes, gradients, coefficients_ctna, optimize=True)
-            rows[chosen, :, :2] = first.reshape(len(part), -1, 2, part.n_basis)
-        return rows
+            values[chosen] = np.einsum("qnp,ctpx,ctna->ctqxa", slopes, gradients, coefficients_ctna, optimize=True)
+        smooth = FullSpace(self.order).gradients(shapes)
+        xi = shapes.scaled_points(points).reshape(*values.shape[:3], 2)
+        return Gradients(fitted(values, xi, self.piecewise_degree), smooth.second_sxma)
 
 
 def reconstruction(shapes: Shapes, corners_tp: Int) -> Float:

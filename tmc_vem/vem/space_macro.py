@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tmc_vem.vem import monomials
 from tmc_vem.vem.projector import edge_basis, moments_of_basis
 from tmc_vem.vem.quadrature import gauss, triangle
-from tmc_vem.vem.spaces import FullSpace, Shapes
+from tmc_vem.vem.spaces import FullSpace, Gradients, Shapes
 from tmc_vem.vem.triangulation import barycentric_gradients, corner_numbers, equal_topologies, sides_of
 
 Float = NDArray[np.float64]
@@ -46,17 +46,19 @@ class MacroSpace:
         """k."""
         return self.order
 
-    def rows(self, shapes: Shapes, barycentric_qp: Float) -> Float:
+    @property
+    def piecewise_degree(self) -> int:
+        """k."""
+        return self.order
+
+    def gradients(self, shapes: Shapes) -> Gradients:
         """See :class:`tmc_vem.vem.spaces.ProjectionSpace`; the second gradient is that of [P_k]^2."""
-        rows = FullSpace(self.order).rows(shapes, barycentric_qp)
+        smooth = FullSpace(self.order).gradients(shapes)
+        n_pieces, n_m = shapes.triangles_ctpx.shape[1], monomials.dimension(self.order)
+        first = np.empty((len(shapes), n_pieces, 2, n_m, shapes.n_basis))
         for chosen, corners_tp in equal_topologies(corner_numbers(shapes.polygons_cvx, shapes.triangles_ctpx)):
-            part = shapes.take(chosen)
-            coefficients_ctxma = projection(part, corners_tp)
-            m = monomials.values(self.order, part.scaled_points(barycentric_qp))
-            m_ctqm = m.reshape(len(part), len(corners_tp), len(barycentric_qp), -1)
-            first = np.einsum("ctqm,ctxma->ctqxa", m_ctqm, coefficients_ctxma, optimize=True)
-            rows[chosen, :, :2] = first.reshape(len(part), -1, 2, part.n_basis)
-        return rows
+            first[chosen] = projection(shapes.take(chosen), corners_tp)
+        return Gradients(first, smooth.second_sxma)
 
 
 def projection(shapes: Shapes, corners_tp: Int) -> Float:

@@ -1,15 +1,15 @@
 """What a gradient is projected on: the interface of projection spaces, and the spaces of global polynomials.
 
 A projection space W consists of vector fields p on a polygon for which ``int p . grad v`` follows from the degrees of
-freedom of v. Elements only need a table of six derivative rows at the quadrature points, so that is the interface. The
-first two rows are the projected gradient. The other four, the second gradient, may come from another space: where W is
-piecewise polynomial they are those of the smooth [P_k]^2. docs/projection.md derives and compares the spaces.
+freedom of v. All that elements need are the coefficients of the projected gradients, piecewise polynomials, so that is
+the interface. The second gradient may come from another space: where W is piecewise polynomial it is the derivative of
+the projection on the smooth [P_k]^2. docs/projection.md derives and compares the spaces.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +85,58 @@ class Shapes:
         return scaled
 
 
+@dataclass(frozen=True)
+class Gradients:
+    """Projected gradients of the basis as polynomials in the scaled coordinates ``xi = (x - x_E) / h_E``.
+
+    Attributes:
+        first_stxma: (n_shapes, n_pieces, 2, dim P_l, n_basis) coefficients of the derivatives with respect to x and y;
+            one piece, or one for every sub-triangle.
+        second_sxma: (n_shapes, 2, dim P_m, n_basis) coefficients of the vector field, one polynomial on the cell, whose
+            derivatives are the second gradient.
+    """
+
+    first_stxma: Float
+    second_sxma: Float
+
+    @staticmethod
+    def smooth(grad_x: Float, grad_y: Float) -> Gradients:
+        """First and second gradient from the same global polynomials, (n_shapes, dim P_l, n_basis) each."""
+        both = np.stack([grad_x, grad_y], axis=1)
+        return Gradients(both[:, None], both)
+
+    def take(self, chosen: Int) -> Gradients:
+        """Those of some of the shapes."""
+        first = self.first_stxma[chosen]
+        shared = np.shares_memory(self.first_stxma, self.second_sxma)
+        return Gradients(first, first[:, 0] if shared else self.second_sxma[chosen])
+
+    def rows(self, h_s: Float, xi_sqx: Float, piece_q: NDArray[np.integer[Any]], n_rows: int = N_ROWS) -> Float:
+        """Derivatives (n_shapes, n_points, n_rows, n_basis) at points, in the order of ``N_ROWS``.
+
+        Args:
+            h_s: diameters of the cells.
+            xi_sqx: points in scaled coordinates.
+            piece_q: piece on which each of them lies.
+            n_rows: 2 for the gradient alone, or 6.
+        """
+        (n_shapes, n_points, _), (_, _, _, n_m, n_basis) = xi_sqx.shape, self.first_stxma.shape
+        result = np.empty((n_shapes, n_points, n_rows, n_basis))
+        m = monomials.values(monomials.degree_of(n_m), xi_sqx)
+        for piece in np.unique(piece_q):
+            here = np.flatnonzero(piece_q == piece)
+            for x in (0, 1):
+                result[:, here, x] = m[:, here] @ self.first_stxma[:, piece, x]
+        if n_rows > 2:
+            degree = monomials.degree_of(self.second_sxma.shape[2])
+            m = monomials.values(degree, xi_sqx) / h_s[:, None, None]
+            # first index fastest: d1 of (d/dx v), d1 of (d/dy v), then d2 of both
+            for direction, matrix in enumerate(monomials.derivative_matrices(degree)):
+                for x in (0, 1):
+                    result[:, :, 2 + 2 * direction + x] = (m @ matrix.T) @ self.second_sxma[:, x]
+        return result
+
+
 class ProjectionSpace(Protocol):
     """Space of vector fields that gradients are projected on."""
 
@@ -94,15 +146,14 @@ class ProjectionSpace(Protocol):
 
     @property
     def degree(self) -> int:
-        """Degree of its (piecewise) polynomials, which quadrature has to integrate."""
+        """Largest degree of its (piecewise) polynomials and of those of the second gradient's potential."""
 
-    def rows(self, shapes: Shapes, barycentric_qp: Float) -> Float:
-        """Derivatives (n_shapes, n_points, 6, n_basis) of the projected basis, in the order of ``N_ROWS``.
+    @property
+    def piecewise_degree(self) -> int | None:
+        """Degree of the gradient on every sub-triangle, or None where it is one polynomial on the whole cell."""
 
-        Args:
-            shapes: the polygons.
-            barycentric_qp: points (n, 3) of each sub-triangle; ``n_points`` counts those of all sub-triangles.
-        """
+    def gradients(self, shapes: Shapes) -> Gradients:
+        """Projected gradients of the basis; pieces are the sub-triangles in their order."""
 
 
 @dataclass(frozen=True)
@@ -120,10 +171,11 @@ class FullSpace:
         """The degree l."""
         return str(self.degree)
 
-    def rows(self, shapes: Shapes, barycentric_qp: Float) -> Float:
+    piecewise_degree: ClassVar[None] = None
+
+    def gradients(self, shapes: Shapes) -> Gradients:
         """See :class:`ProjectionSpace`."""
-        grad_x, grad_y = gradient_projector(shapes.geometry, shapes.order, self.degree, shapes.elliptic_cad)
-        return derivative_rows(shapes, barycentric_qp, self.degree, grad_x, grad_y)
+        return Gradients.smooth(*gradient_projector(shapes.geometry, shapes.order, self.degree, shapes.elliptic_cad))
 
 
 @dataclass(frozen=True)
@@ -146,7 +198,9 @@ class HarmonicSpace:
         """Both degrees."""
         return f"harmonic {self.base}+{self.degree - self.base}"
 
-    def rows(self, shapes: Shapes, barycentric_qp: Float) -> Float:
+    piecewise_degree: ClassVar[None] = None
+
+    def gradients(self, shapes: Shapes) -> Gradients:
         """See :class:`ProjectionSpace`."""
         geometry, k = shapes.geometry, shapes.order
         p_xi, p_eta = harmonic_fields(self.base, self.degree)
@@ -160,7 +214,7 @@ class HarmonicSpace:
         scale = 1.0 / np.sqrt(np.einsum("cff->cf", gram))[:, :, None]
         scaled = gram * scale * np.swapaxes(scale, 1, 2)
         solution = scale * np.linalg.solve(scaled, scale * rhs) / geometry.diameter_c[:, None, None]
-        return derivative_rows(shapes, barycentric_qp, self.degree, p_xi.T @ solution, p_eta.T @ solution)
+        return Gradients.smooth(p_xi.T @ solution, p_eta.T @ solution)
 
 
 def harmonic_fields(base: int, degree: int) -> tuple[Float, Float]:
@@ -189,18 +243,17 @@ def _powers_of_z(degree: int) -> tuple[Float, Float]:
     return z.real, z.imag
 
 
-def derivative_rows(shapes: Shapes, barycentric_qp: Float, degree: int, grad_x: Float, grad_y: Float) -> Float:
-    """Rows (n_shapes, n_points, 6, n_basis) of global polynomials.
+def fitted(values_stqxa: Float, xi_stqx: Float, degree: int) -> Float:
+    """Coefficients (n_shapes, n_pieces, 2, dim P_degree, n_basis) of the polynomials through values at as many points.
 
     Args:
-        shapes: the polygons.
-        barycentric_qp: points of each sub-triangle.
-        degree: l.
-        grad_x, grad_y: coefficients (n_shapes, dim P_l, n_basis) of the derivatives with respect to x and y.
+        values_stqxa: values of both components at the points of every piece.
+        xi_stqx: the points in scaled coordinates.
+        degree: of the polynomials.
     """
-    m = monomials.values(degree, shapes.scaled_points(barycentric_qp))
-    d_xi, d_eta = monomials.derivative_matrices(degree)
-    inverse_h = 1.0 / shapes.geometry.diameter_c[:, None, None]
-    m_x, m_y = (m @ d_xi.T) * inverse_h, (m @ d_eta.T) * inverse_h
-    # second derivatives first index fastest: d1 of (d/dx v), d1 of (d/dy v), then d2 of both
-    return np.stack([m @ grad_x, m @ grad_y, m_x @ grad_x, m_x @ grad_y, m_y @ grad_x, m_y @ grad_y], axis=2)
+    n_shapes, n_pieces, n_points, _ = xi_stqx.shape
+    m = monomials.values(degree, xi_stqx.reshape(n_shapes, -1, 2)).reshape(n_shapes, n_pieces, n_points, -1)
+    n_basis = values_stqxa.shape[-1]
+    flat = values_stqxa.reshape(n_shapes, n_pieces, n_points, 2 * n_basis)
+    coefficients = np.linalg.solve(m, flat).reshape(n_shapes, n_pieces, -1, 2, n_basis)
+    return np.ascontiguousarray(np.moveaxis(coefficients, 3, 2))

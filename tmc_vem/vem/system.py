@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,50 +11,24 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from codegen.kernel import ENERGY, GRADIENT, TANGENT, CellBatch, CellValues, Kernel
+from codegen.batch import Tangents
+from codegen.kernel import CellValues
 from tmc_vem.constraints import Prescribed
 from tmc_vem.errors import InputError
 from tmc_vem.fields import Polygons
 from tmc_vem.mesh.distribute import DistributedMesh
 from tmc_vem.mesh.geometry import centroids
-from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.parallel import on_every_rank
 from tmc_vem.solve.protocol import Evaluation, RegionValues
+from tmc_vem.vem.blocks import CHUNK, RegionKernel, make_blocks
 from tmc_vem.vem.dofmap import DofMap
-from tmc_vem.vem.element import ElementGroup, ElementSettings, build_elements
+from tmc_vem.vem.element import ElementSettings, build_elements
+from tmc_vem.vem.insertion import MatrixInsertion
 from tmc_vem.vem.quadrature import gauss_lobatto
+from tmc_vem.vem.tables import points_and_values
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class RegionKernel:
-    """The compiled energy of a region and the values of its parameters in the kernel's order."""
-
-    kernel: Kernel
-    parameters: Float
-
-
-@dataclass(frozen=True)
-class Block:
-    """Cells that share energy, size and l: one call of a kernel."""
-
-    region: str
-    kernel: Kernel
-    parameters: Float
-    group: ElementGroup
-    batch: CellBatch
-    cells: Int
-    nodes_ca: Int
-    dofs: NDArray[np.int64]  # (n_cells * n_basis * 2,) flat local degrees of freedom
-    free_dofs_cn: NDArray[np.int32]  # (n_cells, 2 n_basis), -1 where constrained: PETSc skips those entries
-    tangent_caibj: Float
-
-    def first_vertices(self, mesh: PolygonMesh) -> Int:
-        """(n_cells,) first vertex of each cell, which quadrature points are relative to."""
-        first: Int = mesh.cell_vertices[mesh.cell_offsets[self.cells]]
-        return first
 
 
 class VemSystem:
@@ -91,9 +64,11 @@ class VemSystem:
         self._named_nodes = functools.cache(self._nodes_of)
         self._constrained_local, self._constraint_values = self._locate(prescribed)
         groups = on_every_rank(self.comm, lambda: build_elements(distributed.mesh, self.settings, distributed.cell_ids))
-        self.blocks = self._make_blocks(groups, kernels)
+        self.blocks = make_blocks(distributed, self.dofmap, groups, kernels)
         self.size = self._extent()
         self._load_nodes: Float | None = None
+        self._insertion: MatrixInsertion | None = None
+        self._tangent_state: Float | None = None
         # positions of owned constrained entries in this rank's part of a global vector
         lgmap = self.dofmap.dm.getLGMap()
         first, last = self._owned_range()
@@ -117,6 +92,10 @@ class VemSystem:
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
+        if self._insertion is None:
+            is_constrained = np.zeros(2 * self.dofmap.n_nodes, dtype=bool)
+            is_constrained[self._constrained_local] = True
+            self._insertion = MatrixInsertion(self.blocks, matrix, self.dofmap.dm.getLGMap(), is_constrained)
         return matrix
 
     def constrained(self) -> NDArray[np.int32]:
@@ -132,40 +111,46 @@ class VemSystem:
     def energy(self, u: Any) -> Evaluation:
         """Potential at ``u``."""
         u_nodes = self._local_values(u)
-        return self._evaluation([self._evaluate(block, ENERGY, u_nodes) for block in self.blocks], u_nodes)
+        return self._evaluation(self._evaluate(u_nodes), u_nodes)
 
     def residual(self, u: Any, out: Any) -> Evaluation:
         """Full gradient of the potential into ``out``; its constrained entries are the reactions."""
         u_nodes = self._local_values(u)
-        values = [self._evaluate(block, GRADIENT, u_nodes) for block in self.blocks]
-        total = self._accumulate([v.residual_cai for v in values if v.residual_cai is not None])
-        if self._load_nodes is not None:
-            total -= self._load_nodes.ravel()
-        self._add(total, out)
+        total = np.zeros((self.dofmap.n_nodes, 2)) if self._load_nodes is None else -self._load_nodes
+        values = self._evaluate(u_nodes, total)
+        self._add(total.ravel(), out)
         return self._evaluation(values, u_nodes)
 
     def jacobian(self, u: Any, out: Any) -> None:
-        """Tangent (56) at ``u`` with rows and columns of the identity at constrained degrees of freedom."""
-        u_nodes = self._local_values(u)
-        out.zeroEntries()
-        for block in self.blocks:
-            self._evaluate(block, TANGENT, u_nodes)
-            dofs = block.free_dofs_cn
-            n = dofs.shape[1]
-            out.setValuesLocalRCV(dofs, dofs, block.tangent_caibj.reshape(-1, n, n), addv=PETSc.InsertMode.ADD_VALUES)
-        for dof in self._owned_local.tolist():
-            out.setValueLocal(dof, dof, 1.0, addv=PETSc.InsertMode.ADD_VALUES)
-        out.assemble()
+        """Tangent (56) at ``u`` with rows and columns of the identity at constrained degrees of freedom.
+
+        Raises:
+            ValueError: ``out`` is not from :meth:`create_matrix`.
+        """
+        if self._insertion is None:
+            raise ValueError("the matrix must be one of create_matrix()")
+        self._tangent_state = self._local_values(u).copy()
+        self._insertion.assemble(self._tangent_state, out, self._owned_local)
 
     def tangent_action(self, du: Any, out: Any) -> None:
-        """Product of the last tangent, without boundary conditions, and ``du``."""
+        """Product of the last tangent, without boundary conditions, and ``du``.
+
+        Only the cells where ``du`` is not zero are computed, once more: a predictor moves the constrained nodes only.
+        """
+        if self._tangent_state is None:
+            raise ValueError("there is no tangent yet: call jacobian() first")
         du_nodes = self._local_values(du)
-        products = []
+        moves = du_nodes.any(axis=1)
+        total = np.zeros((self.dofmap.n_nodes, 2))
         for block in self.blocks:
-            n = block.free_dofs_cn.shape[1]
-            du_cn = du_nodes[block.nodes_ca].reshape(-1, n, 1)
-            products.append(block.tangent_caibj.reshape(-1, n, n) @ du_cn)
-        self._add(self._accumulate(products), out)
+            moving, n = np.flatnonzero(moves[block.batch.nodes_ca].any(axis=1)), 2 * block.batch.n_basis
+            for first in range(0, len(moving), CHUNK):
+                batch = block.batch.take(moving[first : first + CHUNK])
+                dense = np.empty((batch.n_cells, n, n))
+                block.kernel.cells(batch, self._tangent_state, block.parameters, None, Tangents(dense))
+                products = dense @ du_nodes[batch.nodes_ca].reshape(-1, n, 1)
+                np.add.at(total, batch.nodes_ca, products.reshape(-1, n // 2, 2))
+        self._add(total.ravel(), out)
 
     def max_step(self, u: Any, du: Any) -> float:
         """Largest s with J > 0 at every quadrature point along u + t du, t < s."""
@@ -173,7 +158,7 @@ class VemSystem:
         du_nodes = self._local_values(du)
         step = np.inf
         for block in self.blocks:
-            step_c = block.kernel.max_step(block.batch, u_nodes[block.nodes_ca], du_nodes[block.nodes_ca])
+            step_c = block.kernel.max_step(block.batch, u_nodes, du_nodes)
             step = min(step, float(step_c.min(initial=np.inf)))
         return float(self.comm.allreduce(step, op=MPI.MIN))
 
@@ -215,12 +200,13 @@ class VemSystem:
         load = np.zeros((self.dofmap.n_nodes, 2))
         mesh = self.distributed.mesh
         for block in self.blocks:
-            shape_c = block.batch.shape_c
-            corner_cx = mesh.points_vx[block.first_vertices(mesh)]
-            points_cqx = block.group.points_sqx[shape_c] + corner_cx[:, None]
-            f_cqi = force(points_cqx.reshape(-1, 2)).reshape(points_cqx.shape)
-            work_cai = np.einsum("cq,cqa,cqi->cai", block.batch.w_sq[shape_c], block.group.values_sqa[shape_c], f_cqi)
-            np.add.at(load, block.nodes_ca, work_cai)
+            for chosen in block.chunks():
+                points_cqx, values_cqa = points_and_values(
+                    block.polygons(mesh, chosen), self.settings.order, block.scaled_points(chosen)
+                )
+                f_cqi = force(points_cqx.reshape(-1, 2)).reshape(points_cqx.shape)
+                work_cai = np.swapaxes(values_cqa, 1, 2) @ (block.weights(chosen)[..., None] * f_cqi)
+                np.add.at(load, block.batch.nodes_ca[chosen], work_cai)
         self._load_nodes = load
 
     @property
@@ -285,7 +271,7 @@ class VemSystem:
         """Reference area (n_cells,) of each local cell."""
         area_c = np.empty(self.distributed.mesh.n_cells)
         for block in self.blocks:
-            area_c[block.cells] = block.batch.w_sq.sum(axis=1)[block.batch.shape_c]
+            area_c[block.cells] = block.weights().sum(axis=1)
         return area_c
 
     def cell_energies(self, u: Any, without: str = "") -> Float:
@@ -295,8 +281,7 @@ class VemSystem:
         for block in self.blocks:
             parameters = block.parameters.copy()
             parameters[[name == without for name in block.kernel.parameters]] = 0.0
-            values = block.kernel.cells(ENERGY, block.batch, u_nodes[block.nodes_ca], parameters)
-            energies[block.cells] = values.energy_c
+            energies[block.cells] = block.kernel.cells(block.batch, u_nodes, parameters).energy_c
         return energies
 
     def cell_jacobians(self, u: Any) -> tuple[Float, Float]:
@@ -304,53 +289,24 @@ class VemSystem:
         u_nodes = self._local_values(u)
         mean, smallest = np.empty((2, self.distributed.mesh.n_cells))
         for block in self.blocks:
-            n = block.batch.n_basis
-            gradient = block.batch.B_sqra[block.batch.shape_c, :, :2, :n] @ u_nodes[block.nodes_ca][:, None]
-            # gradient_cqji: derivative j of component i
-            F = np.swapaxes(gradient, 2, 3) + np.eye(2)
-            J = F[..., 0, 0] * F[..., 1, 1] - F[..., 0, 1] * F[..., 1, 0]
-            w = block.batch.w_sq[block.batch.shape_c]
-            mean[block.cells] = (w * J).sum(axis=1) / w.sum(axis=1)
-            smallest[block.cells] = J.min(axis=1)
+            for chosen in block.chunks():
+                local = u_nodes[block.batch.nodes_ca[chosen]][:, None]
+                F = np.swapaxes(block.rows(2, chosen) @ local, 2, 3) + np.eye(2)  # rows are derivatives
+                J = F[..., 0, 0] * F[..., 1, 1] - F[..., 0, 1] * F[..., 1, 0]
+                w = block.weights(chosen)
+                mean[block.cells[chosen]] = (w * J).sum(axis=1) / w.sum(axis=1)
+                smallest[block.cells[chosen]] = J.min(axis=1)
         return mean, smallest
 
     def projection_degrees(self) -> dict[str, int]:
         """How many cells of the whole mesh use which l, or which space of another name."""
         counts: dict[str, int] = {}
-        for part in self.comm.allgather([(b.group.projection, len(b.cells)) for b in self.blocks]):
+        for part in self.comm.allgather([(b.projection, len(b.cells)) for b in self.blocks]):
             for projection, n_cells in part:
                 counts[projection] = counts.get(projection, 0) + n_cells
         return dict(sorted(counts.items()))
 
     # -- internals -----------------------------------------------------------------------------------------------
-
-    def _make_blocks(self, groups: Sequence[ElementGroup], kernels: Mapping[str, RegionKernel]) -> list[Block]:
-        blocks = []
-        is_constrained = np.zeros(2 * self.dofmap.n_nodes, dtype=bool)
-        is_constrained[self._constrained_local] = True
-        region_c = self.distributed.mesh.region_c
-        for group in groups:
-            for number in np.unique(region_c[group.cells]).tolist():
-                chosen = np.flatnonzero(region_c[group.cells] == number)
-                cells = group.cells[chosen]
-                nodes = self.dofmap.cell_nodes(self.distributed, cells, group.n_sides)
-                dofs_cn = (2 * nodes[..., None] + np.arange(2)).reshape(len(cells), -1)
-                energy = kernels[self.regions[number]]
-                blocks.append(
-                    Block(
-                        region=self.regions[number],
-                        kernel=energy.kernel,
-                        parameters=energy.parameters,
-                        group=group,
-                        batch=CellBatch(group.shape_c[chosen], group.B_sqra, group.w_sq, group.n_basis),
-                        cells=cells,
-                        nodes_ca=nodes,
-                        dofs=dofs_cn.ravel(),
-                        free_dofs_cn=np.where(is_constrained[dofs_cn], -1, dofs_cn).astype(PETSc.IntType),
-                        tangent_caibj=np.zeros((len(cells), group.n_basis, 2, group.n_basis, 2)),
-                    )
-                )
-        return blocks
 
     def _locate(self, prescribed: Sequence[Prescribed]) -> tuple[Int, Float]:
         """Local constrained degrees of freedom, without duplicates, and their values at load factor 1."""
@@ -406,24 +362,15 @@ class VemSystem:
         array: Float = self._local.getArray().reshape(-1, 2)
         return array
 
-    def _accumulate(self, per_block: Sequence[Float]) -> Float:
-        """Sum of element vectors at this rank's degrees of freedom."""
-        total = np.zeros(2 * self.dofmap.n_nodes)
-        for block, values in zip(self.blocks, per_block, strict=True):
-            total += np.bincount(block.dofs, weights=values.ravel(), minlength=len(total))
-        return total
-
     def _add(self, total: Float, out: Any) -> None:
         """Sum the ranks' contributions to shared nodes into a global vector."""
         self._work.getArray()[:] = total
         out.set(0.0)
         self.dofmap.dm.localToGlobal(self._work, out, addv=PETSc.InsertMode.ADD_VALUES)
 
-    def _evaluate(self, block: Block, level: int, u_nodes: Float) -> CellValues:
-        return block.kernel.cells(
-            level, block.batch, u_nodes[block.nodes_ca], block.parameters,
-            tangent_out=block.tangent_caibj if level == TANGENT else None,
-        )  # fmt: skip
+    def _evaluate(self, u_nodes: Float, residual: Float | None = None) -> list[CellValues]:
+        """Energies of all blocks; their residuals are added to ``residual`` (n_nodes, 2)."""
+        return [block.kernel.cells(block.batch, u_nodes, block.parameters, residual) for block in self.blocks]
 
     def _evaluation(self, values: Sequence[CellValues], u_nodes: Float) -> Evaluation:
         energy = dict.fromkeys(self.regions, 0.0)

@@ -54,6 +54,12 @@ def exponents(degree: int) -> Int:
     return np.array(table, dtype=np.int64)
 
 
+def lattice(degree: int) -> Float:
+    """Points (dim P_degree, 3), in barycentric coordinates, that determine a polynomial; inside the triangle."""
+    interior: Float = (exponents(degree) + 1.0 / 3.0) / (degree + 1.0)
+    return interior
+
+
 def bernstein(degree: int, barycentric_qp: Float) -> Float:
     """Bernstein polynomials (n_points, n)."""
     powers = exponents(degree)
