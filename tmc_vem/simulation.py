@@ -189,6 +189,7 @@ def _method_inputs(options: RunOptions) -> Mapping[str, Any]:
             "projection": element.projection,
             "projection_degree": "spectral test" if element.degree is None else element.degree,
             "quadrature": element.quadrature_degree,
+            "rule": element.rule,
         }
     return {
         "method": options.method,

@@ -107,3 +107,12 @@ def test_sides_are_curves_through_their_nodes():
 def test_without_solids_there_is_nothing_to_report():
     report = check_contact(state([LOWER], lowered(0), [1]))
     assert report.as_dict()["interpenetrates"] is False
+
+
+def test_cells_that_cross_themselves_are_measured_all_the_same():
+    """A run that went astray is reported, not ended by the geometry library."""
+    twist = state(  # both cells become bow ties, one across the other
+        [LOWER, UPPER],
+        lambda p: np.column_stack([np.where(p[:, 1] % 1.5 > 0.6, 1 - 2 * p[:, 0], 0), -1.3 * (p[:, 1] > 1.4)]),
+    )
+    assert check_contact(twist).overlap_area > 0.0

@@ -242,7 +242,7 @@ def test_every_cell_is_in_one_group_and_weights_add_up():
         ({"degree": 9}, r"projection degree l = 9: use 1 to 8"),
         ({"quadrature": 1}, r"quadrature degree 1: use 2 to 20"),
         ({"quadrature": 21}, r"quadrature degree 21: use 2 to 20"),
-        ({"rule": "few"}, r"unknown quadrature rule 'few': choose one of compressed, triangles"),
+        ({"rule": "few"}, r"unknown rule 'few': choose one of auto, compressed, triangles"),
     ],
 )
 def test_settings_are_checked(arguments, message):

@@ -70,6 +70,11 @@ def method_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="What vem projects gradients on. full: [P_l]^2 on all cells, as in the paper; auto: on cells without "
             "hanging nodes and many sides, else composite.",
         ),
+        click.option(
+            "--rule", type=click.Choice(["auto", "compressed", "triangles"]), default="auto", show_default=True,
+            help="Quadrature of vem. triangles: points in all sub-triangles of a cell; compressed: the fewest points "
+            "where one polynomial describes a cell; auto: the fewest on triangles and quadrilaterals only.",
+        ),
         click.option("--quadrature", type=int, help="Quadrature degree. Default: 2 k (vem), 4 (fem)."),
         click.option(
             "--interior-penalty", type=click.Choice(["none", "penalty", "full"]), default="none", show_default=True,
@@ -271,6 +276,8 @@ def method_settings(options: dict[str, Any]) -> dict[str, Any]:
             raise InputError("--l belongs to --method vem: finite elements project nothing")
         if options["projection"] != "auto":
             raise InputError("--projection belongs to --method vem: finite elements project nothing")
+        if options["rule"] != "auto":
+            raise InputError("--rule belongs to --method vem: finite elements have the rules of dolfinx")
         quadrature = {} if options["quadrature"] is None else {"quadrature": options["quadrature"]}
         return {
             "fem": FemSettings(
@@ -283,7 +290,9 @@ def method_settings(options: dict[str, Any]) -> dict[str, Any]:
         }
     if options["interior_penalty"] != "none" or options["triangles"]:
         raise InputError("--interior-penalty and --triangles belong to --method fem")
-    element = ElementSettings(options["order"], options["degree"], options["quadrature"], options["projection"])
+    element = ElementSettings(
+        options["order"], options["degree"], options["quadrature"], options["projection"], options["rule"]
+    )
     return {"element": element}
 
 

@@ -91,7 +91,8 @@ def check_contact(fields: Fields, order: int = 2, samples: int = 8) -> ContactRe
         return ContactReport(0.0, 0.0, None, 0, None, None, None)
     reference, deformed, solid = _sampled(fields, np.flatnonzero(is_solid), order, samples)
     size = float(np.ptp(reference, axis=0).max())
-    cells = np.array([shapely.Polygon(deformed[loop]) for loop in solid])
+    # a cell of a run that went astray may cross itself, which set operations refuse
+    cells = shapely.make_valid(np.array([shapely.Polygon(deformed[loop]) for loop in solid]))
     sides = _outline(solid)
     overlap = float(shapely.area(cells).sum() - shapely.area(shapely.union_all(cells)))
     depth, place = _deepest(cells, solid, sides, reference, deformed, samples)

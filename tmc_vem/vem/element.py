@@ -32,7 +32,7 @@ from tmc_vem.vem.tables import Tables, tabulate
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-RULES = ("compressed", "triangles")
+RULES = ("auto", "compressed", "triangles")
 PROJECTIONS = ("auto", "full", "harmonic", "macro", "composite")
 RIGID_MODES = 3
 LARGEST_DEGREE = 8
@@ -59,8 +59,9 @@ class ElementSettings:
             integrates the product of a stress of degree k - 1 and a projected gradient, and so keeps the order of
             convergence. A lower degree is raised to l, below which constant stresses are out of balance. On the box,
             degrees 4 to 10 change the gap by less than one percent for k = 2.
-        rule: 'compressed' uses few points where the projected gradient is one polynomial on the whole cell, see
-            :mod:`tmc_vem.vem.rules`; 'triangles' puts the rule of the full degree on every sub-triangle of all cells.
+        rule: 'triangles' puts the rule of the full degree on every sub-triangle; 'compressed' uses the fewest points
+            where the projected gradient is one polynomial on the whole cell, see :mod:`tmc_vem.vem.rules`; 'auto' does
+            so on triangles and convex quadrilaterals only: on larger polygons the gap of the box moves by percents.
         projection: what gradients are projected on. 'full': [P_l]^2 with the smallest l that the spectral test allows;
             'harmonic': [P_k]^2 and as many gradients of harmonic polynomials as it takes; 'macro': H(div)-conforming
             piecewise [P_k]^2; 'composite': gradients of continuous piecewise P_k; 'auto': 'full' where l up to k + 1
@@ -71,7 +72,7 @@ class ElementSettings:
     degree: int | None = None
     quadrature: int | None = None
     projection: str = "auto"
-    rule: str = "compressed"
+    rule: str = "auto"
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -100,9 +101,10 @@ class ElementSettings:
     def cell_rule(self, space: ProjectionSpace, polygons_svx: Float, triangles_stpx: Float) -> CellRule:
         """Quadrature rule for a projection space."""
         degree = self.rule_degree(space.degree)
-        if self.rule == "triangles" or space.piecewise_degree is not None:
-            return on_sub_triangles(triangles_stpx, degree)
-        return compressed(polygons_svx, triangles_stpx, degree)
+        compact = polygons_svx.shape[1] == 3 or bool(polygons_svx.shape[1] == 4 and convex(polygons_svx).all())
+        if space.piecewise_degree is None and (self.rule == "compressed" or (self.rule == "auto" and compact)):
+            return compressed(polygons_svx, triangles_stpx, degree)
+        return on_sub_triangles(triangles_stpx, degree)
 
     def candidates(self, n_sides: int) -> list[tuple[ProjectionSpace, float]]:
         """Spaces to try one after another, with the stability constant that each of them needs."""
