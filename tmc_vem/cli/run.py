@@ -73,7 +73,7 @@ def method_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--rule", type=click.Choice(["auto", "compressed", "triangles"]), default="auto", show_default=True,
             help="Quadrature of vem. triangles: points in all sub-triangles of a cell; compressed: the fewest points "
-            "where one polynomial describes a cell; auto: the fewest on triangles and quadrilaterals only.",
+            "where one polynomial describes a cell; auto: few on triangles and quadrilaterals only.",
         ),
         click.option("--quadrature", type=int, help="Quadrature degree. Default: 2 k (vem), 4 (fem)."),
         click.option(
