@@ -8,19 +8,35 @@ from typing import Any
 from gallery import write_if_changed
 
 ROOT = Path(__file__).parents[2]
-# page: (title, packages and modules in it)
+# page: (title, packages and modules in it, of tmc_vem or beside it)
 PAGES = {
-    "run": ("Problems and runs", ("tmc_vem.simulation", "tmc_vem.problems", "tmc_vem.constraints", "tmc_vem.compare",
-                                  "tmc_vem.reproduce", "tmc_vem.batch", "tmc_vem.errors", "tmc_vem.monitor", "tmc_vem.timing")),
-    "results": ("Results and fields", ("tmc_vem.results", "tmc_vem.fields", "tmc_vem.output", "tmc_vem.checkpoint",
-                                       "tmc_vem.recorder", "tmc_vem.export", "tmc_vem.sample", "tmc_vem.report")),
-    "energy": ("Energies", ("tmc_vem.energy",)),
+    "run": (
+        "Problems and runs",
+        (
+            "simulation",
+            "problems",
+            "constraints",
+            "compare",
+            "reproduce",
+            "batch",
+            "problem_file",
+            "validation",
+            "errors",
+            "monitor",
+            "timing",
+        ),
+    ),
+    "results": (
+        "Results and fields",
+        ("results", "fields", "output", "checkpoint", "recorder", "export", "sample", "report"),
+    ),
+    "energy": ("Energies", ("energy",)),
     "codegen": ("Code generator", ("codegen",)),
-    "mesh": ("Meshes", ("tmc_vem.mesh",)),
-    "vem": ("Virtual elements", ("tmc_vem.vem",)),
-    "fem": ("Finite elements", ("tmc_vem.fem",)),
-    "solve": ("Nonlinear solver", ("tmc_vem.solve",)),
-}  # fmt: skip
+    "mesh": ("Meshes", ("mesh",)),
+    "vem": ("Virtual elements", ("vem",)),
+    "fem": ("Finite elements", ("fem",)),
+    "solve": ("Nonlinear solver", ("solve",)),
+}
 
 
 def setup(app: Any) -> dict[str, bool]:
@@ -40,12 +56,14 @@ def _write_pages(app: Any) -> None:
     write_if_changed(
         folder / "index.md",
         "# API reference\n\nMade from the docstrings. Axes are part of array names: `dNdX_qak` has the axes q "
-        f"(quadrature points), a (basis functions), k (directions).\n\n```{{toctree}}\n:maxdepth: 1\n\n{entries}\n```\n",
+        "(quadrature points), a (basis functions), k (directions).\n\n"
+        f"```{{toctree}}\n:maxdepth: 1\n\n{entries}\n```\n",
     )
 
 
 def modules_of(root: str) -> list[str]:
     """A module, or all public modules of a package."""
+    root = root if root == "codegen" else f"tmc_vem.{root}"
     path = ROOT / root.replace(".", "/")
     if not path.is_dir():
         return [root] if path.with_suffix(".py").exists() else []

@@ -28,7 +28,7 @@ def resume(ctx: click.Context, directory: Path, as_json: bool, quiet: bool) -> N
       mpirun -n 2 tmc-vem resume runs/box
     """
     name, parameters = read_command(directory)
-    command = run_group.commands.get(name)
+    command = run_group.get_command(ctx, name)
     if command is None or command.callback is None:
         raise InputError(f"{directory / COMMAND} asks for the problem '{name}', which does not exist")
     parameters |= {"out": directory, "as_json": as_json, "quiet": quiet}

@@ -9,14 +9,21 @@ from typing import Any
 
 import click
 
+from tmc_vem.cli.run_file import RunGroup
 from tmc_vem.errors import InputError
 
 RESUME = "tmc_vem.resume"  # key in a context's meta: the run goes on from its checkpoint
 
 
-@click.group("run")
+@click.group("run", cls=RunGroup)
 def run_group() -> None:
     """Solve a problem and write results, fields and a picture.
+
+    The problem is one of the benchmarks below, or a problem file of your own:
+
+    \b
+      tmc-vem run box --out runs/box
+      tmc-vem run demos/problems/seal.toml --out runs/seal
 
     Every run directory holds result.json (inputs, versions, gap, reaction, smallest J, iterations, times),
     history.csv (a row a load step), fields.pvd for ParaView and deformed.png.
@@ -208,9 +215,8 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
         InputError, CodegenError: bad input.
         ConvergenceError: the full load was not reached; what converged is in the run directory.
     """
-    from tmc_vem.monitor import Monitor
     from tmc_vem.problems import Medium
-    from tmc_vem.simulation import RunOptions, run
+    from tmc_vem.simulation import RunOptions
 
     medium = Medium(
         gamma=options["gamma"],
@@ -228,11 +234,23 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
         checkpoint_every=options["checkpoint_every"],
         overwrite=options["overwrite"],
     )
+    execute(problem, settings, options)
+
+
+def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
+    """Run a problem and show the result as ``out``, ``json``, ``quiet`` and ``petsc`` in the options ask.
+
+    Raises:
+        InputError, CodegenError: bad input.
+        ConvergenceError: the full load was not reached; what converged is in the run directory.
+    """
     _start_petsc(options["petsc"])
     from mpi4py import MPI
 
     from tmc_vem.cli.progress import ConsoleMonitor, print_summary
     from tmc_vem.errors import ConvergenceError
+    from tmc_vem.monitor import Monitor
+    from tmc_vem.simulation import run
 
     silent = options["quiet"] or options["as_json"]
     on_root = MPI.COMM_WORLD.rank == 0

@@ -142,7 +142,7 @@ class Region:
         ends: list[tuple[Point, Point]] = [
             (e.start, e.end) if isinstance(e, Arc) else ((float(e[0]), float(e[1])),) * 2 for e in entries
         ]
-        extent = max((math.dist(ends[0][0], end) for _, end in ends), default=0.0)
+        extent = max((math.dist(ends[0][0], end) for pair in ends for end in pair), default=0.0)
         for n, entry in enumerate(entries):
             if isinstance(entry, Arc):
                 curves.append(entry)

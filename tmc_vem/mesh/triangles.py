@@ -77,6 +77,34 @@ def from_gmsh_model() -> PolygonMesh:
         return read_mesh(path)
 
 
+def mesh_geometry(path: str | Path) -> PolygonMesh:
+    """Mesh of a gmsh geometry (.geo); sizes, kind of cells and physical groups are those that the file asks for.
+
+    Raises:
+        InputError: gmsh is missing, refuses the file, or finds nothing plane to mesh in it.
+    """
+    try:
+        import gmsh
+    except ImportError as error:
+        raise InputError(f"{path} needs gmsh ({error}): apt-get install python3-gmsh") from None
+
+    started = _start(gmsh)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.open(str(path))
+        gmsh.model.mesh.generate(2)
+        return from_gmsh_model()
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    except Exception as error:  # gmsh raises plain exceptions
+        reason = str(error).strip().splitlines()
+        raise InputError(f"gmsh cannot mesh {path}: {reason[-1] if reason else type(error).__name__}") from None
+    finally:
+        gmsh.model.remove()
+        if started:
+            gmsh.finalize()
+
+
 def _start(gmsh: Any) -> bool:
     """Start gmsh if it is not running (then it has a model; 4.8 has no other way to ask); True if it was started."""
     try:

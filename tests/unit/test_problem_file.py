@@ -1,0 +1,347 @@
+"""Problem files: what they describe, and that whatever is wrong with one is said in one line."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers_process import tmc
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tmc_vem.cli.main import _run
+from tmc_vem.errors import InputError
+from tmc_vem.mesh.geometry import areas
+from tmc_vem.problem_file import read_problem
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = sorted((ROOT / "demos" / "problems").glob("*.toml"))
+
+SMALL = """\
+name = "plug"
+gap = ["tip", "ground"]
+
+[shapes]
+frame = { rectangle = [0, 0, 1, 1] }
+base = { rectangle = [0, 0, 1, 0.3] }
+plug = { rectangle = [0.3, 0.5, 0.7, 1.0] }
+
+[regions.base]
+shape = "base"
+solid = { K = 20, mu = 10 }
+
+[regions.plug]
+shape = "plug"
+solid = { K = 20, mu = 10 }
+
+[regions.medium]
+shape = "frame - base - plug"
+medium = { gamma = 1e-4, alpha_r = 1, regulariser = "huhu_lulu" }
+
+[mesh]
+cells = "triangles"
+size = 0.1
+
+[points]
+tip = [0.5, 0.5]
+ground = [0.5, 0.3]
+
+[edges]
+bottom = { line = [[0, 0], [1, 0]] }
+top = { between = ["plug", "outside"] }
+
+[[support]]
+at = "bottom"
+ux = 0
+uy = 0
+
+[[support]]
+at = "top"
+ux = 0
+
+[load]
+at = "top"
+uy = -0.1
+
+[solve]
+snapshots = 2
+"""
+
+
+def small(tmp_path: Path, text: str = SMALL, **files: str) -> Path:
+    for name, content in files.items():
+        (tmp_path / name).write_text(content)
+    path = tmp_path / "plug.toml"
+    path.write_text(text)
+    return path
+
+
+def test_regions_points_edges_and_conditions(tmp_path: Path) -> None:
+    problem, options = read_problem(small(tmp_path))
+    mesh = problem.make_mesh()
+    area = {
+        name: sum(areas(mesh.points_vx[cells]).sum() for _, cells in _cells_of(mesh, name))
+        for name in mesh.region_names
+    }
+    assert area == pytest.approx({"base": 0.3, "plug": 0.2, "medium": 0.5})
+    assert mesh.points_vx[mesh.named_points["tip"]] == pytest.approx((0.5, 0.5))
+    assert (mesh.points_vx[mesh.named_edges["bottom"]][..., 1] == 0.0).all()
+    top = mesh.points_vx[mesh.named_edges["top"]]
+    assert np.linalg.norm(top[:, 1] - top[:, 0], axis=1).sum() == pytest.approx(0.4)
+    assert problem.load().value == -0.1
+    assert [(p.where, p.component) for p in problem.prescribed()] == [
+        ("bottom", 0), ("bottom", 1), ("top", 0), ("top", 1)]  # fmt: skip
+    assert options.snapshots == 2
+    assert problem.regions()["medium"].values["mu"] == 10.0
+
+
+def _cells_of(mesh: Any, name: str) -> list[tuple[int, Any]]:
+    region = mesh.region_names.index(name)
+    return [(n, loops[mesh.region_c[cells] == region]) for n, cells, loops in mesh.cells_by_size()]
+
+
+def test_both_methods_agree_on_the_same_triangles(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    path = small(tmp_path)
+    gaps = {}
+    for method in ("vem", "fem"):
+        done = tmc("run", str(path), "--method", method, "--json")
+        assert done.returncode == 0, done.stderr
+        result = json.loads(done.stdout)
+        gaps[method] = result["gap"]
+        assert result["inputs"]["medium"]["gamma"] == 1e-4
+        assert result["inputs"]["method"] == method
+    assert gaps["vem"] == pytest.approx(gaps["fem"], rel=0.02)
+    assert 0.0 < gaps["vem"] < 0.2 - 0.05
+
+
+def test_run_directory_and_resume(tmp_path: Path) -> None:
+    path = small(tmp_path)
+    out = tmp_path / "out"
+    done = tmc("run", str(path), "--out", str(out), "--steps", "3", "--quiet")
+    assert done.returncode == 0, done.stderr
+    whole = json.loads((out / "result.json").read_text())
+    (out / "result.json").unlink()
+    again = tmc("resume", str(out), "--json")
+    assert again.returncode == 0, again.stderr
+    assert json.loads(again.stdout)["gap"] == whole["gap"]
+    path.write_text(SMALL.replace("size = 0.1", "size = 0.2"))
+    changed = tmc("resume", str(out))
+    assert changed.returncode == 2
+    assert "mesh" in changed.stderr
+
+
+def test_own_regulariser_is_found_beside_the_file(tmp_path: Path) -> None:
+    source = "def bending(F, G, p, m):\n    return p.kappa * sum(G[i][0][0] ** 2 + G[i][1][1] ** 2 for i in (0, 1))\n"
+    text = SMALL.replace('"huhu_lulu"', '"mine.py:bending", parameters = { kappa = 0.5 }')
+    problem, _ = read_problem(small(tmp_path, text, **{"mine.py": source}))
+    assert problem.regions()["medium"].values["kappa"] == 0.5
+
+
+def test_own_density_of_a_solid(tmp_path: Path) -> None:
+    source = (
+        "def spring(F, G, p, m):\n    return p.c * sum((F[i][j] - (i == j)) ** 2 for i in (0, 1) for j in (0, 1))\n"
+    )
+    text = SMALL.replace("solid = { K = 20, mu = 10 }", 'density = "mine.py:spring"\nparameters = { c = 3 }', 1)
+    problem, _ = read_problem(small(tmp_path, text, **{"mine.py": source}))
+    region = problem.regions()["base"]
+    assert (region.values, region.is_medium) == ({"c": 3.0}, False)
+
+
+FROM_FILE = """
+name = "strip"
+[mesh]
+file = "strip.geo"
+[regions.left]
+solid = { K = 20, mu = 10 }
+[regions.right]
+solid = { K = 20, mu = 10 }
+[points]
+corner = [0, 0]
+[[support]]
+at = "fixed"
+ux = 0
+[[support]]
+at = "corner"
+uy = 0
+[load]
+at = "pulled"
+ux = 0.004
+"""
+GEO = """
+h = 0.25;
+Point(1) = {0, 0, 0, h}; Point(2) = {1, 0, 0, h}; Point(3) = {2, 0, 0, h};
+Point(4) = {2, 1, 0, h}; Point(5) = {1, 1, 0, h}; Point(6) = {0, 1, 0, h};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 5}; Line(5) = {5, 6}; Line(6) = {6, 1};
+Line(7) = {2, 5};
+Curve Loop(1) = {1, 7, 5, 6}; Plane Surface(1) = {1};
+Curve Loop(2) = {2, 3, 4, -7}; Plane Surface(2) = {2};
+Physical Surface("left") = {1}; Physical Surface("right") = {2};
+Physical Curve("fixed") = {6}; Physical Curve("pulled") = {3};
+"""
+
+
+@pytest.mark.parametrize("kind", ["geo", "msh", "vtu", "inp"])
+def test_meshes_from_files(tmp_path: Path, kind: str) -> None:
+    """Groups of gmsh and names in mesh files are regions, points and edges; the force does not depend on the format."""
+    from tmc_vem.mesh.io import write_mesh
+    from tmc_vem.mesh.triangles import mesh_geometry
+
+    (tmp_path / "strip.geo").write_text(GEO)
+    if kind != "geo":
+        write_mesh(mesh_geometry(tmp_path / "strip.geo"), tmp_path / f"strip.{kind}")
+    path = tmp_path / "strip.toml"
+    path.write_text(FROM_FILE.replace("strip.geo", f"strip.{kind}"))
+    done = tmc("run", str(path), "--json")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert "content" in result["inputs"]["mesh"]
+    # a bar of length 2 and width 1, free to contract: E / (1 - nu^2) = 4 mu (lambda + mu) / (lambda + 2 mu)
+    lame = 20 - 2 * 10 / 3
+    modulus = 4 * 10 * (lame + 10) / (lame + 2 * 10)
+    assert result["reaction"] == pytest.approx(modulus * 0.004 / 2, rel=0.01)
+    assert result["gap"] is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("size = 0.1", "siez = 0.1", ("plug.toml: mesh", "'siez'", "did you mean 'size'", "line 23")),
+        ("uy = -0.1", 'uy = "down"', ("load: uy", "'down'", "must be a number")),
+        ("uy = -0.1", "ux = 1\nuy = 1", ("load", "one of ux and uy")),
+        ("uy = -0.1", "uy = nan", ("load", "finite")),
+        ('"huhu_lulu"', '"huhu_luluu"', ("regions: medium", "huhu_luluu", "huhu_lulu")),
+        ('"huhu_lulu"', '"gone.py:f"', ("gone.py",)),
+        ("K = 20, mu = 10", "K = -20, mu = 10", ("regions: base: solid", "K = -20", "positive")),
+        ("K = 20, mu = 10", "K = 20", ("regions: base: solid", "lacks 'mu'")),
+        ("gamma = 1e-4", "gama = 1e-4", ("regions: medium: medium", "'gama'", "gamma")),
+        ("[regions.medium]", "[regions.air]", ("regions: air", "start with 'medium'")),
+        ("[regions.plug]", "[regions.medium_plug]", ("medium_plug", "must not start with 'medium'")),
+        ('"frame - base - plug"', '"frame - base - plugg"', ("region 'medium'", "'plugg'", "frame, base, plug")),
+        ('"frame - base - plug"', '"frame - base"', ("'plug' and 'medium' overlap",)),
+        ('"triangles"', '"hexagons"', ("mesh", "hexagons", "voronoi, triangles")),
+        ("tip = [0.5, 0.5]", "tip = [0.5]", ("points: tip", "a list of 2")),
+        ("tip = [0.5, 0.5]", "tip = [0.5, 0.6]", ("named point 'tip'", "no region's outline")),
+        ('gap = ["tip", "ground"]', 'gap = ["tip", "floor"]', ("no named point 'floor'", "ground, tip")),
+        ('at = "bottom"', 'at = "botom"', ("'botom'", "bottom")),
+        ("[[0, 0], [1, 0]]", "[[0, 2], [1, 2]]", ("edges: bottom", "no edge")),
+        ('["plug", "outside"]', '["plug", "inside"]', ("edges: top", "no region 'inside'")),
+        ("[load]", "[loads]", ("no 'loads'", "did you mean 'load'")),
+        ("snapshots = 2", "snapshot = 2", ("solve", "'snapshot'", "snapshots")),
+        ("snapshots = 2", "snapshots = -2", ("snapshots = -2",)),
+        ('name = "plug"', "name = 3", ("name = 3", "text")),
+        ('name = "plug"', "", ("lacks 'name'",)),
+        ("size = 0.1", "size = ", ("not TOML", "line 23")),
+        ("size = 0.1", "", ("mesh: give the size",)),
+        ("size = 0.1", "size = 0", ("size = 0", "positive")),
+        ("rectangle = [0, 0, 1, 1]", "rectangle = [0, 0, 1, 1], disc = [0, 0, 1]", ("shapes: frame", "one of")),
+        ("rectangle = [0, 0, 1, 1]", "disc = [0, 0, 1], rounded = 1", ("shapes: frame", "rounded")),
+    ],
+)
+def test_bad_files_are_refused_in_one_line(
+    old: str, new: str, words: tuple[str, ...], tmp_path: Path, capsys: Any
+) -> None:
+    assert old in SMALL
+    code = _run(["run", str(small(tmp_path, SMALL.replace(old, new, 1))), "--out", str(tmp_path / "out")])
+    message = capsys.readouterr().err.strip()
+    assert code == 2
+    assert len(message.splitlines()) == 1, message
+    for word in words:
+        assert word in message
+    assert not (tmp_path / "out").exists()
+
+
+def test_files_that_cannot_be_read(tmp_path: Path, capsys: Any) -> None:
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "folder.toml").mkdir()
+    for name in ("missing.toml", "binary.toml", "folder.toml"):
+        assert _run(["run", str(tmp_path / name)]) == 2
+        message = capsys.readouterr().err.strip()
+        assert name in message
+        assert len(message.splitlines()) == 1
+
+
+VALUES: Any = st.one_of(
+    st.none(), st.booleans(), st.integers(-3, 3), st.floats(), st.text(max_size=6), st.just([]), st.just({}),
+    st.lists(st.floats(-2, 2), max_size=4), st.sampled_from(["frame", "plug - base", "top", "angle", "fem", "x.py:f"]),
+)  # fmt: skip
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_any_change_to_a_file_is_accepted_or_refused(data: st.DataObject, tmp_path: Path) -> None:
+    """A random entry gets a random value, another name, or goes away."""
+    import tomllib
+
+    table = copy.deepcopy(tomllib.loads(SMALL))
+    places = list(_places(table))
+    for _ in range(data.draw(st.integers(1, 2))):
+        holder, key = data.draw(st.sampled_from(places))
+        change = data.draw(st.sampled_from(["value", "name", "remove"]))
+        if key not in holder if isinstance(holder, dict) else key >= len(holder):
+            continue
+        if change == "value" or isinstance(holder, list):
+            holder[key] = data.draw(VALUES)
+        elif change == "name":
+            holder[data.draw(st.text(max_size=8))] = holder.pop(key)
+        else:
+            del holder[key]
+    path = tmp_path / "any.toml"
+    path.write_text(_toml(table), encoding="utf-8")
+    refused(path)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(start=st.integers(0, len(SMALL)), length=st.integers(0, 40), text=st.text(max_size=5))
+def test_any_broken_text_is_refused_in_one_line(start: int, length: int, text: str, tmp_path: Path) -> None:
+    path = tmp_path / "any.toml"
+    path.write_text(SMALL[:start] + text + SMALL[start + length :], encoding="utf-8", errors="replace")
+    refused(path)
+
+
+def refused(path: Path) -> None:
+    """Reads the file; if it is refused, that takes one line with the file's name."""
+    message = path.name
+    try:
+        read_problem(path)
+    except InputError as error:
+        message = str(error)
+    assert path.name in message
+    assert len("".join(ch if ch.isprintable() else "?" for ch in message).splitlines()) == 1
+
+
+def _places(table: Any) -> Any:
+    entries = table.items() if isinstance(table, dict) else enumerate(table)
+    for key, value in list(entries):
+        yield table, key
+        if isinstance(value, dict | list):
+            yield from _places(value)
+
+
+def _toml(table: dict[str, Any]) -> str:
+    return "".join(f"{json.dumps(key)} = {_value(value)}\n" for key, value in table.items())
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(key)} = {_value(entry)}" for key, entry in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    if isinstance(value, float):
+        return "nan" if math.isnan(value) else repr(value)
+    if value is None:
+        return '"none"'
+    return json.dumps(value)
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_examples_make_their_meshes(path: Path) -> None:
+    problem, _ = read_problem(path)
+    mesh = problem.make_mesh()
+    assert mesh.n_cells > 300
+    assert set(problem.table.points) <= set(mesh.named_points)

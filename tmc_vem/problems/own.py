@@ -1,0 +1,270 @@
+"""A problem that is described by tables, such as those of a problem file."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.constraints import Gap, Prescribed
+from tmc_vem.energy import Energy
+from tmc_vem.errors import InputError
+from tmc_vem.mesh.parts import with_names
+from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.mesh.shapes import combine
+from tmc_vem.problems.base import Medium, RegionEnergy, medium_region, solid_region
+from tmc_vem.problems.tables import COMPONENTS, ConditionTable, EdgesTable, MediumTable, ProblemTable
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+
+OUTSIDE = "outside"
+# Points and edges belong to a line, circle or box up to this fraction of the mesh's extent.
+ON = 1e-6
+
+
+@dataclass(frozen=True)
+class OwnProblem:
+    """Implements :class:`tmc_vem.problems.base.Problem`.
+
+    Attributes:
+        table: the description.
+        directory: what file names in it are relative to.
+
+    Raises:
+        InputError: a value is out of range, or a regulariser or energy cannot be loaded.
+    """
+
+    table: ProblemTable
+    directory: Path = field(default_factory=Path)
+
+    def __post_init__(self) -> None:
+        _ = self._regions
+        if self.table.shapes:
+            _ = self._outlines
+
+    @property
+    def name(self) -> str:
+        """Name given in the description."""
+        return self.table.name
+
+    def make_mesh(self) -> PolygonMesh:
+        """The mesh from its file or from the shapes, with the names of the description.
+
+        Raises:
+            InputError: it cannot be made, or has nothing where something is named.
+        """
+        table = self.table
+        mesh = self._from_shapes() if table.shapes else self._from_file()
+        missing = [name for name in mesh.region_names if name not in table.regions]
+        unused = [name for name in table.regions if name not in mesh.region_names]
+        if missing or unused:
+            whose = f"regions: the mesh has {', '.join(mesh.region_names)}"
+            raise InputError(f"{whose}; described are {', '.join(table.regions)}: the names must agree")
+        if not table.shapes:
+            mesh = with_names(mesh, table.points)
+        named_edges = dict(mesh.named_edges)
+        for name, edges in table.edges.items():
+            named_edges[name] = find_edges(mesh, name, edges)
+        mesh = PolygonMesh(
+            mesh.points_vx, mesh.cell_offsets, mesh.cell_vertices, mesh.region_c, mesh.region_names,
+            mesh.named_points, named_edges, validate=False,
+        )  # fmt: skip
+        for where in [condition.at for condition in (*table.support, table.load)]:
+            if where not in mesh.named_points and where not in mesh.named_edges:
+                known = ", ".join([*mesh.named_points, *mesh.named_edges]) or "none"
+                raise InputError(f"'{where}' is neither a point nor edges (there are: {known})")
+        for point in table.gap or ():
+            mesh.named_vertex(point)
+        return mesh
+
+    def regions(self) -> Mapping[str, RegionEnergy]:
+        """Energies of the regions."""
+        return self._regions
+
+    def prescribed(self) -> Sequence[Prescribed]:
+        """Supports and load."""
+        return tuple(p for condition in (*self.table.support, self.table.load) for p in _conditions(condition))
+
+    def gap(self) -> Gap | None:
+        """The gap's points, if the description has them."""
+        return Gap(*self.table.gap) if self.table.gap else None
+
+    def load(self) -> Prescribed:
+        """The component that carries the load."""
+        return _conditions(self.table.load)[0]
+
+    def inputs(self) -> dict[str, Any]:
+        """The whole description as plain values; a mesh file by its content too."""
+        plain = _plain({**asdict(self.table), "name": None, "solve": None})
+        if self.table.mesh.file is not None:
+            plain["mesh"]["content"] = hashlib.sha256(self._mesh_file.read_bytes()).hexdigest()[:16]
+        media = [region["medium"] for region in plain["regions"].values() if "medium" in region]
+        return {"problem": self.name, **plain, **({"medium": media[0]} if media else {})}
+
+    # -- parts -----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _regions(self) -> Mapping[str, RegionEnergy]:
+        moduli = {region.solid.mu for region in self.table.regions.values() if region.solid is not None}
+        found = {}
+        for name, region in self.table.regions.items():
+            try:
+                if region.solid is not None:
+                    found[name] = solid_region(region.solid)
+                elif region.medium is not None:
+                    found[name] = self._medium(region.medium, moduli)
+                else:
+                    assert region.density is not None
+                    found[name] = self._own_energy(region.density, region.parameters, name.startswith("medium"))
+            except InputError as error:
+                raise InputError(f"regions: {name}: {error}") from None
+        return found
+
+    def _medium(self, table: MediumTable, moduli: set[float]) -> RegionEnergy:
+        values = {key: getattr(table, key) for key in ("gamma", "alpha_r", "beta", "parameters")}
+        mu = table.mu
+        if mu is None:
+            if len(moduli) != 1:
+                raise InputError("medium lacks 'mu': the solids have several shear moduli or none, so say which")
+            (mu,) = moduli
+        return medium_region(Medium(**values, regulariser=self._found(table.regulariser)), mu)
+
+    def _own_energy(self, wanted: str, values: Mapping[str, float], is_medium: bool) -> RegionEnergy:
+        from codegen.errors import CodegenError
+        from codegen.userfile import load_density
+
+        try:
+            loaded = load_density(self._found(wanted)).with_values(values)
+        except CodegenError as error:
+            raise InputError(str(error)) from None
+        missing = [name for name, value in loaded.parameters.items() if value is None]
+        if missing:
+            raise InputError(
+                f"density '{loaded.name}' needs a value for {missing[0]}: parameters = {{{missing[0]} = ...}}"
+            )
+        known = {name: float(value) for name, value in loaded.parameters.items() if value is not None}
+        return RegionEnergy(Energy(loaded.name, loaded.function, tuple(known), loaded.description), known, is_medium)
+
+    def _found(self, wanted: str) -> str:
+        """``FILE.py:FUNCTION`` relative to the description's directory."""
+        file, colon, function = wanted.rpartition(":")
+        inside = self.directory / file
+        return f"{inside}:{function}" if colon and file.endswith(".py") and inside.is_file() else wanted
+
+    @property
+    def _mesh_file(self) -> Path:
+        assert self.table.mesh.file is not None
+        path = self.directory / self.table.mesh.file
+        if not path.is_file():
+            raise InputError(f"mesh: there is no file {path}")
+        return path
+
+    def _from_file(self) -> PolygonMesh:
+        from tmc_vem.mesh.io import read_mesh
+        from tmc_vem.mesh.triangles import mesh_geometry
+
+        path = self._mesh_file
+        return mesh_geometry(path) if path.suffix.lower() == ".geo" else read_mesh(path)
+
+    @cached_property
+    def _outlines(self) -> Any:
+        shapes = {}
+        for name, table in self.table.shapes.items():
+            try:
+                shapes[name] = table.shape()
+            except InputError as error:
+                raise InputError(f"shapes: {name}: {error}") from None
+        return combine(shapes, {name: region.shape or "" for name, region in self.table.regions.items()})
+
+    def _from_shapes(self) -> PolygonMesh:
+        from tmc_vem.mesh.triangles import triangle_mesh
+        from tmc_vem.mesh.voronoi import voronoi_mesh
+
+        mesh, points = self.table.mesh, self.table.points
+        if mesh.cells == "voronoi":
+            return voronoi_mesh(self._outlines, self._size(), points)
+        return triangle_mesh(self._outlines, self._size(), points, quadrilaterals=mesh.cells == "quadrilaterals")
+
+    def _size(self) -> float | Callable[[Float], Float]:
+        """The size of cells: a number, or a function of points (n, 2)."""
+        mesh = self.table.mesh
+        assert mesh.size is not None
+        if not mesh.refine:
+            return mesh.size
+        largest = mesh.size
+
+        def size(points: Float) -> Float:
+            h = np.full(len(points), largest)
+            for place in mesh.refine:
+                ends = np.asarray(place.near, dtype=float).reshape(-1, 2)
+                away = np.maximum(_distance(points, ends[0], ends[-1]) - place.within, 0.0)
+                np.minimum(h, place.size + mesh.growth * away, out=h)
+            return h
+
+        return size
+
+
+def find_edges(mesh: PolygonMesh, name: str, table: EdgesTable) -> Int:
+    """End vertices (n, 2) of the edges along outlines and interfaces that fulfil a description.
+
+    Raises:
+        InputError: there are none, or a region is unknown.
+    """
+    edges = mesh.edges
+    region_of_side = np.repeat(mesh.region_c, mesh.n_sides_c)
+    left, right = np.full((2, len(edges)), -1)
+    left[edges.cell_edges[edges.forward]] = region_of_side[edges.forward]
+    right[edges.cell_edges[~edges.forward]] = region_of_side[~edges.forward]
+    chosen = left != right
+    ends = mesh.points_vx[edges.vertices_ev]
+    tolerance = ON * float(np.ptp(mesh.points_vx, axis=0).max())
+    if table.between is not None:
+        number = {OUTSIDE: -1, **{region: n for n, region in enumerate(mesh.region_names)}}
+        for region in table.between:
+            if region not in number:
+                raise InputError(f"edges: {name}: there is no region '{region}' (there are: {', '.join(number)})")
+        a, b = (number[region] for region in table.between)
+        chosen &= ((left == a) & (right == b)) | ((left == b) & (right == a))
+    if table.line is not None:
+        distance = _distance(ends.reshape(-1, 2), np.asarray(table.line[0]), np.asarray(table.line[1]))
+        chosen &= (distance.reshape(-1, 2) <= tolerance).all(axis=1)
+    if table.circle is not None:
+        x, y, radius = table.circle
+        chosen &= (np.abs(np.hypot(ends[..., 0] - x, ends[..., 1] - y) - radius) <= tolerance).all(axis=1)
+    if table.box is not None:
+        box = np.sort(np.asarray(table.box).reshape(2, 2), axis=0)
+        chosen &= ((ends >= box[0] - tolerance) & (ends <= box[1] + tolerance)).all(axis=(1, 2))
+    if not chosen.any():
+        raise InputError(f"edges: {name}: no edge of an outline or interface is there")
+    found: Int = edges.vertices_ev[chosen]
+    return found
+
+
+def _distance(points: Float, start: Float, end: Float) -> Float:
+    """Distance (n,) of points (n, 2) to a straight line between two points, which may coincide."""
+    arm, d = points - start, end - start
+    squared = float(d @ d)
+    t = np.clip(arm @ d / squared, 0.0, 1.0) if squared > 0.0 else np.zeros(len(points))
+    distance: Float = np.hypot(*(arm - t[:, None] * d).T)
+    return distance
+
+
+def _conditions(table: ConditionTable) -> list[Prescribed]:
+    values = {name: getattr(table, name) for name in COMPONENTS}
+    return [Prescribed(table.at, COMPONENTS[name], value) for name, value in values.items() if value is not None]
+
+
+def _plain(value: Any) -> Any:
+    """Without what is not given; tuples as lists, as they come back from JSON."""
+    if isinstance(value, Mapping):
+        return {key: _plain(entry) for key, entry in value.items() if entry is not None and entry != {} and entry != ()}
+    if isinstance(value, tuple | list):
+        return [_plain(entry) for entry in value]
+    return value

@@ -1,0 +1,230 @@
+"""The tables of a problem file, as plain records; what can stand in a file is what stands here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from tmc_vem.errors import InputError
+from tmc_vem.mesh.shapes import Shape, disc, polygon, rectangle
+from tmc_vem.problems.base import Material
+from tmc_vem.validation import require_choice, require_finite, require_positive
+
+XY = tuple[float, float]
+CELLS = ("voronoi", "triangles", "quadrilaterals")
+COMPONENTS = {"ux": 0, "uy": 1}
+
+
+@dataclass(frozen=True)
+class ShapeTable:
+    """A simple shape: one of ``rectangle``, ``polygon`` and ``disc``.
+
+    Attributes:
+        rectangle: x0, y0, x1, y1 of two opposite corners.
+        polygon: its corners in order.
+        disc: x, y of the centre, and the radius.
+        rounded: radius of the corners of a rectangle or polygon.
+    """
+
+    rectangle: tuple[float, float, float, float] | None = None
+    polygon: tuple[XY, ...] | None = None
+    disc: tuple[float, float, float] | None = None
+    rounded: float = 0.0
+
+    def shape(self) -> Shape:
+        """The shape.
+
+        Raises:
+            InputError: there is not exactly one, or it has no area.
+        """
+        given = [name for name in ("rectangle", "polygon", "disc") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise InputError(f"give one of rectangle, polygon and disc, not {' and '.join(given) or 'none'}")
+        if self.disc is not None:
+            if self.rounded:
+                raise InputError("'rounded' is for rectangles and polygons")
+            return disc(*self.disc)
+        if self.rectangle is not None:
+            return rectangle(*self.rectangle, self.rounded)
+        assert self.polygon is not None
+        return polygon(self.polygon, self.rounded)
+
+
+@dataclass(frozen=True)
+class RefineTable:
+    """Smaller cells in a part of the plane: near a point or a straight line.
+
+    Attributes:
+        near: a point x, y, or two points, the ends of a line.
+        size: of the cells there.
+        within: distance up to which cells have this size; beyond, it grows gradually to that of the mesh.
+    """
+
+    near: XY | tuple[XY, XY]
+    size: float
+    within: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_positive("size", self.size, "of the cells, a length")
+        require_finite("within", self.within, "a distance")
+
+
+@dataclass(frozen=True)
+class MeshTable:
+    """Where the mesh comes from: a file, or shapes with a size of cells.
+
+    Attributes:
+        file: mesh file (.vtu, .vtk, .msh, .inp, .obj) or gmsh geometry (.geo), relative to the problem file.
+        cells: kind of cells made from shapes.
+        size: of these cells (length).
+        refine: places with smaller cells.
+        growth: by how much cells grow for each unit of distance from such a place.
+    """
+
+    file: str | None = None
+    cells: str = "voronoi"
+    size: float | None = None
+    refine: tuple[RefineTable, ...] = ()
+    growth: float = 0.3
+
+    def __post_init__(self) -> None:
+        require_choice("cells", self.cells, CELLS)
+        require_positive("growth", self.growth, "try 0.3")
+        if self.size is not None:
+            require_positive("size", self.size, "of the cells, a length")
+
+
+@dataclass(frozen=True)
+class MediumTable:
+    """Third medium (4): the attributes of :class:`tmc_vem.problems.base.Medium`, and the shear modulus it is scaled by.
+
+    Attributes:
+        gamma: stiffness relative to the solid.
+        alpha_r: weight of the regulariser.
+        beta: exponent of the damping factor exp(-beta J); 0 leaves it out.
+        regulariser: a name of Table 1 or ``FILE.py:FUNCTION``, the file relative to the problem file.
+        parameters: of a regulariser of your own.
+        mu: shear modulus; by default that of the solid, if all solids have the same.
+    """
+
+    gamma: float = 1e-5
+    alpha_r: float = 1.0
+    beta: float = 0.0
+    regulariser: str = "angle"
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    mu: float | None = None
+
+
+@dataclass(frozen=True)
+class RegionTable:
+    """Region: where it is, unless the mesh file says so, and what it is made of.
+
+    Attributes:
+        shape: combination of shapes, such as ``"frame - (seal + lid)"``.
+        solid: hyperelastic solid (2), ``{K = 20, mu = 10}``.
+        medium: third medium.
+        density: energy of your own, ``FILE.py:FUNCTION``, the file relative to the problem file.
+        parameters: of that energy.
+    """
+
+    shape: str | None = None
+    solid: Material | None = None
+    medium: MediumTable | None = None
+    density: str | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        given = [name for name in ("solid", "medium", "density") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise InputError(f"give one of solid, medium and density, not {' and '.join(given) or 'none'}")
+
+
+@dataclass(frozen=True)
+class EdgesTable:
+    """Edges of the mesh, along outlines and interfaces, that fulfil everything given here.
+
+    Attributes:
+        line: ends of a straight line that they lie on.
+        circle: centre x, y and radius of a circle that their ends lie on.
+        box: x0, y0, x1, y1 of a rectangle that they lie in.
+        between: two regions that they separate; ``"outside"`` is one.
+    """
+
+    line: tuple[XY, XY] | None = None
+    circle: tuple[float, float, float] | None = None
+    box: tuple[float, float, float, float] | None = None
+    between: tuple[str, str] | None = None
+
+    def __post_init__(self) -> None:
+        if all(value is None for value in (self.line, self.circle, self.box, self.between)):
+            raise InputError("give at least one of line, circle, box and between")
+
+
+@dataclass(frozen=True)
+class ConditionTable:
+    """Displacement prescribed at a named point or along named edges, reached at full load.
+
+    Attributes:
+        at: name of the point or edges.
+        ux, uy: components; one that is left out is free.
+    """
+
+    at: str
+    ux: float | None = None
+    uy: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.ux is None and self.uy is None:
+            raise InputError("give ux or uy or both; ux = 0 holds, what is left out is free")
+        for name in COMPONENTS:
+            if getattr(self, name) is not None:
+                require_finite(name, getattr(self, name), "a displacement")
+
+
+@dataclass(frozen=True)
+class ProblemTable:
+    """A problem file as a whole.
+
+    Attributes:
+        name: of the problem, for titles and tables.
+        regions: by name; that of a third medium starts with ``medium``.
+        support: where displacements are prescribed.
+        load: the one displacement component that is reported with its reaction.
+        mesh: how the mesh is made.
+        shapes: by name.
+        points: names for nodes on outlines, by their coordinates.
+        edges: names for edges.
+        gap: two named points whose distance is reported.
+        solve: method and steps, as in :class:`tmc_vem.simulation.RunOptions`.
+    """
+
+    name: str
+    regions: Mapping[str, RegionTable]
+    support: tuple[ConditionTable, ...]
+    load: ConditionTable
+    mesh: MeshTable
+    shapes: Mapping[str, ShapeTable] = field(default_factory=dict)
+    points: Mapping[str, XY] = field(default_factory=dict)
+    edges: Mapping[str, EdgesTable] = field(default_factory=dict)
+    gap: tuple[str, str] | None = None
+    solve: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if (self.load.ux is None) == (self.load.uy is None):
+            raise InputError("load: give one of ux and uy; further components belong to [[support]]")
+        if not self.regions:
+            raise InputError("regions: there is none")
+        if (self.mesh.file is None) == (not self.shapes):
+            raise InputError("mesh: give either a file, or shapes to make it from")
+        if self.shapes and self.mesh.size is None:
+            raise InputError("mesh: give the size of the cells, a length")
+        for name, region in self.regions.items():
+            if (region.shape is not None) != bool(self.shapes):
+                text = "lacks 'shape'" if self.shapes else "has a shape, but the mesh comes from a file"
+                raise InputError(f"regions: {name}: {text}")
+            if (region.medium is not None) != name.startswith("medium") and region.density is None:
+                kind, verb = ("third medium", "must") if region.medium else ("solid", "must not")
+                raise InputError(
+                    f"regions: {name}: the name of a {kind} {verb} start with 'medium', as reports go by it"
+                )
