@@ -9,6 +9,7 @@ from pathlib import Path
 from tmc_vem.batch import Job, Observer, Outcome, run_batch
 from tmc_vem.errors import InputError
 from tmc_vem.fem.richardson import extrapolate
+from tmc_vem.files import write_atomically
 from tmc_vem.paper.values import table2
 from tmc_vem.problems import Bodies, Box, CBox, Medium, Punch
 from tmc_vem.problems.base import Problem
@@ -17,7 +18,7 @@ from tmc_vem.report.page import Picture, picture
 from tmc_vem.report.problem_figure import draw_meshes, draw_problem
 from tmc_vem.report.tables import full_gap, runs_csv
 from tmc_vem.report.write import write_page
-from tmc_vem.results import RunResult, write_atomically
+from tmc_vem.results import RunResult
 from tmc_vem.simulation import RunOptions
 from tmc_vem.triangulated import Triangulated
 

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.files import whole_file, write_atomically
+
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
@@ -99,12 +101,14 @@ def write_vtu(path: Path, fields: Fields) -> None:
         "energy_density": fields.energy_density_c,
         "region": polygons.region_c,
     }
-    meshio.Mesh(
+    mesh = meshio.Mesh(
         _in_space(polygons.points_nx),
         cells,
         point_data={"displacement": _in_space(fields.displacement_ni)},
         cell_data={name: [values[members] for members in order] for name, values in per_cell.items()},
-    ).write(path)
+    )
+    with whole_file(path) as temporary:
+        mesh.write(temporary)
 
 
 def write_pvd(path: Path, entries: Sequence[tuple[float, Sequence[str]]]) -> None:
@@ -114,9 +118,10 @@ def write_pvd(path: Path, entries: Sequence[tuple[float, Sequence[str]]]) -> Non
         for load, names in entries
         for part, name in enumerate(names)
     )
-    path.write_text(
+    write_atomically(
+        path,
         '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
-        f"  <Collection>\n{datasets}  </Collection>\n</VTKFile>\n"
+        f"  <Collection>\n{datasets}  </Collection>\n</VTKFile>\n",
     )
 
 

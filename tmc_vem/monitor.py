@@ -7,7 +7,14 @@ from tmc_vem.results import RunResult, StepRecord
 
 
 class Monitor:
-    """Hears about a run as it goes on; the command line's progress display is one. All methods may be overridden."""
+    """Hears about a run as it goes on; the command line's progress display is one. All methods may be overridden.
+
+    Attributes:
+        end: coordinate of the end of the load path (1 for a load that rises to its full value), known before
+            :meth:`started`; a step's is ``record.coordinate``.
+    """
+
+    end: float = 1.0
 
     def started(self, problem: Problem, n_cells: int, n_dofs: int) -> None:
         """The system is set up."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.fields import Fields, Polygons, write_pvd, write_vtu
+from tmc_vem.parallel import on_every_rank, on_root
 from tmc_vem.results import COLLECTION, FIELDS
 
 Float = NDArray[np.float64]
@@ -60,7 +61,7 @@ class SnapshotWriter:
     Args:
         source: the discretisation.
         directory: run directory.
-        loads: load factors; the first converged step at or past each is written.
+        loads: coordinates along the load path; the first converged step at or past each is written.
     """
 
     def __init__(self, source: FieldSource, directory: Path, loads: tuple[float, ...]) -> None:
@@ -83,12 +84,13 @@ class SnapshotWriter:
         self._pending = [wanted for wanted in self._pending if wanted > load + 1e-9]
         comm = self.source.comm
         part = f"_{comm.rank}" if comm.size > 1 else ""
-        write_vtu(self.directory / FIELDS / f"step_{step:05d}{part}.vtu", fields_of(self.source, u, self._polygons))
+        path = self.directory / FIELDS / f"step_{step:05d}{part}.vtu"
+        fields = fields_of(self.source, u, self._polygons)
+        on_every_rank(comm, lambda: write_vtu(path, fields))
         names = [
             f"{FIELDS}/step_{step:05d}{f'_{rank}' if comm.size > 1 else ''}.vtu"
             for rank, n_cells in enumerate(comm.allgather(self._polygons.n_cells))
             if n_cells
         ]
         self.entries.append((load, names))
-        if comm.rank == 0:
-            write_pvd(self.directory / COLLECTION, self.entries)
+        on_root(comm, lambda: write_pvd(self.directory / COLLECTION, self.entries))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,10 +16,14 @@ from tmc_vem.constraints import Gap
 from tmc_vem.errors import TmcError
 from tmc_vem.monitor import Monitor
 from tmc_vem.output import SnapshotWriter, gather_fields
+from tmc_vem.parallel import on_root
+from tmc_vem.plausibility import warnings_of
 from tmc_vem.problems.base import Problem
 from tmc_vem.provenance import versions
 from tmc_vem.report.contact import check_contact
 from tmc_vem.results import PICTURE, RunDirectory, RunResult, StepRecord
+from tmc_vem.solve.path import ControlPath
+from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import Position, Step, SteppingResult
 from tmc_vem.timing import Timer
 
@@ -32,19 +38,21 @@ class Recorder:
         system: its discretisation.
         inputs: parameters of problem and method, for result.json and to recognise a checkpoint.
         directory: where to write, or None.
-        snapshots: number of load steps that are written as fields.
+        path: what is controlled.
+        snapshots: number of load steps that are written as fields, besides those that the path must hit.
         checkpoint_every: converged steps between checkpoints; 0 for none.
         monitor: hears about steps.
         timer: phases of the run.
     """
 
     def __init__(
-        self, problem: Problem, system: Any, inputs: Mapping[str, Any], directory: RunDirectory | None, snapshots: int,
-        checkpoint_every: int, monitor: Monitor, timer: Timer,
+        self, problem: Problem, system: Any, inputs: Mapping[str, Any], directory: RunDirectory | None,
+        path: ControlPath, snapshots: int, checkpoint_every: int, monitor: Monitor, timer: Timer,
     ) -> None:  # fmt: skip
         self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
         self.monitor, self.timer = monitor, timer
         self.history: list[StepRecord] = []
+        self.warnings: list[str] = []
         self._order = int(inputs["order"])
         self._every = checkpoint_every if directory is not None else 0
         self._on_root = system.comm.rank == 0
@@ -55,11 +63,12 @@ class Recorder:
             self._gap_points = system.point_coordinates((self._gap.first, self._gap.second))
         self._snapshots: SnapshotWriter | None = None
         if directory is not None and snapshots:
-            loads = tuple((n + 1) / snapshots for n in range(snapshots))
-            self._snapshots = SnapshotWriter(system, directory.path, loads)
+            times = {path.end * (n + 1) / snapshots for n in range(snapshots)} | set(path.stops)
+            self._snapshots = SnapshotWriter(system, directory.path, tuple(times))
 
-    def record(self, step: Step, u: Any, previous: Any, position: Position, residual: Any) -> None:
+    def record(self, step: Step, states: States, position: Position, residual: Any) -> None:
         """Record a converged step; called on all ranks."""
+        u = states.vectors[-1]
         load = self.problem.load()
         regions = step.newton.evaluation.regions
         with self.timer("output"):
@@ -77,18 +86,22 @@ class Recorder:
                 negative_pivots=step.newton.negative_pivots,
                 jumped=step.jumped,
                 seconds=self._seconds_before + self.timer.report()["total"],
+                time=step.time,
+                parameters=step.control.parameters,
             )
             self.history.append(record)
-            if self.directory is not None and self._on_root:
-                self.directory.add_step(record)
-            if self._snapshots is not None:
-                self._snapshots.offer(step.number, step.load, u)
+            if self.directory is not None:
+                directory = self.directory
+                with _reported(directory.path):
+                    on_root(self.system.comm, lambda: directory.add_step(record))
+                    if self._snapshots is not None:
+                        self._snapshots.offer(step.number, step.time, u)
             if self._every and step.number % self._every == 0:
-                self._write_checkpoint(u, previous, position)
+                self._write_checkpoint(states, position)
         self.monitor.stepped(record)
 
-    def restore(self, u: Any, previous: Any) -> Position:
-        """Go on from the last checkpoint of the run directory: fill ``u`` and ``previous``.
+    def restore(self, u: Any) -> tuple[States, Position]:
+        """Go on from the last checkpoint of the run directory: fill ``u``; the last states and the position.
 
         Raises:
             InputError: there is no good checkpoint, or it belongs to other inputs or another mesh.
@@ -97,16 +110,17 @@ class Recorder:
         checkpoint = Checkpoint.read(self.directory.path)
         facts = checkpoint.facts
         _same_inputs(facts["inputs"], self.inputs)
-        state, before = checkpoint.values_at(self.system.node_labels())
-        u.getArray()[:] = state.ravel()
-        previous.getArray()[:] = before.ravel()
+        states = States(u)
+        for control, state_ni in zip(facts["controls"], checkpoint.values_at(self.system.node_labels()), strict=True):
+            u.getArray()[:] = state_ni.ravel()
+            states.append(np.array(control), u)
         self.history = [StepRecord(**entry) for entry in facts["history"]]
         self._seconds_before = self.history[-1].seconds if self.history else 0.0
         if self._on_root:
             self.directory.rewrite_history(self.history)
         if self._snapshots is not None:
             self._snapshots.restore(facts["snapshots"])
-        return Position(**facts["position"])
+        return states, Position(**facts["position"])
 
     def finish(self, outcome: SteppingResult, u: Any, residual: Any) -> RunResult:
         """Check the last state, draw it and write result.json.
@@ -130,9 +144,13 @@ class Recorder:
                 if self.directory is not None:
                     from tmc_vem.report.figures import draw_deformed
 
-                    draw_deformed(fields, self.directory.path / PICTURE, title=self._title())
+                    try:
+                        draw_deformed(fields, self.directory.path / PICTURE, title=self._title())
+                    except OSError as error:
+                        self.warnings.append(f"{PICTURE} could not be written: {error.strerror or error}")
             checks = self.system.comm.bcast(checks)
         history = self.history
+        media = [name for name, region in self.problem.regions().items() if region.is_medium]
         result = RunResult(
             inputs=self.inputs,
             versions=versions(self.system.comm.size),
@@ -145,12 +163,15 @@ class Recorder:
             cut_backs=sum(r.cut_backs for r in history) + outcome.failed_attempts,
             projection_degrees={str(degree): count for degree, count in self.system.projection_degrees().items()},
             checks=checks or {},
+            warnings=self.warnings + warnings_of(self.inputs, history, checks or {}, media, self.system.size),
             seconds=self.timer.report(),
             history=history,
             directory=None if self.directory is None else self.directory.path,
         )
-        if self.directory is not None and self._on_root:
-            self.directory.write_result(result)
+        if self.directory is not None:
+            directory = self.directory
+            with _reported(directory.path):
+                on_root(self.system.comm, lambda: directory.write_result(result))
         return result
 
     def _imbalance(self, residual: Any) -> float:
@@ -164,22 +185,22 @@ class Recorder:
         resultant = np.hypot(reaction[component == 0].sum(), reaction[component == 1].sum())
         return float(resultant) / largest if largest else 0.0
 
-    def _write_checkpoint(self, u: Any, previous: Any, position: Position) -> None:
-        parts = self.system.comm.gather(
-            (self.system.node_labels(), _nodal(u), _nodal(previous)),
-        )
+    def _write_checkpoint(self, states: States, position: Position) -> None:
+        parts = self.system.comm.gather((self.system.node_labels(), np.array([_nodal(u) for u in states.vectors])))
         error: TmcError | None = None
         if parts is not None:
             assert self.directory is not None
             facts = {
                 "inputs": self.inputs,
                 "position": asdict(position),
+                "controls": [control.tolist() for control in states.controls],
                 "history": [asdict(record) for record in self.history],
                 "snapshots": self._snapshots.entries if self._snapshots else [],
             }
-            labels, state, before = (np.concatenate([part[n] for part in parts]) for n in range(3))
+            labels = np.concatenate([part[0] for part in parts])
+            values = np.concatenate([part[1] for part in parts], axis=1)
             try:
-                Checkpoint(facts, labels, state, before).write(self.directory.path)
+                Checkpoint(facts, labels, values).write(self.directory.path)
             except TmcError as raised:
                 error = raised
         error = self.system.comm.bcast(error)
@@ -198,6 +219,23 @@ class Recorder:
         last = self.history[-1]
         gap = "" if last.gap is None else f", gap {last.gap:.4g}"
         return f"{self.problem.name} at {self.problem.load().where} displacement {last.displacement:g}{gap}"
+
+
+@contextmanager
+def _reported(directory: Path) -> Iterator[None]:
+    """Say in one line that a file could not be written; called on all ranks together.
+
+    Raises:
+        TmcError: the disk is full, for example.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise TmcError(
+            f"{directory} cannot be written ({reason}); with more room, 'tmc-vem resume {directory}' goes on from the "
+            "last checkpoint"
+        ) from error
 
 
 def _nodal(vector: Any) -> Float:

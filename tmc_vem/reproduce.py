@@ -7,13 +7,13 @@ from pathlib import Path
 
 from tmc_vem.batch import Observer, run_batch
 from tmc_vem.errors import InputError
+from tmc_vem.files import write_atomically
 from tmc_vem.paper import body_figures, box_figures, tables
 from tmc_vem.paper.target import Results, Target
 from tmc_vem.report import cautions
 from tmc_vem.report.page import Page, Section, Warnings
 from tmc_vem.report.tables import common, provenance, runs_csv
 from tmc_vem.report.write import write_page
-from tmc_vem.results import write_atomically
 
 TARGETS: dict[str, Target] = {**tables.TARGETS, **box_figures.TARGETS, **body_figures.TARGETS}
 ALL = "all"

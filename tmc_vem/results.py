@@ -12,13 +12,14 @@ import json
 import math
 import os
 import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from tmc_vem.errors import InputError
+from tmc_vem.files import remove_unfinished, write_atomically
+from tmc_vem.lock import LOCK
 
 SCHEMA = 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
@@ -41,6 +42,8 @@ class StepRecord:
         negative_pivots: negative eigenvalues of the tangent (unstable if above 0), or None if unknown.
         jumped: the equilibrium branch ended before this step, and this state lies on another one.
         seconds: wall time since the start of the run.
+        time: coordinate along the load path; None in old runs, where it is the load factor.
+        parameters: values of the medium's parameters while they are continued, by name; empty otherwise.
     """
 
     step: int
@@ -56,13 +59,20 @@ class StepRecord:
     negative_pivots: int | None
     jumped: bool
     seconds: float
+    time: float | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def coordinate(self) -> float:
+        """Where the step is on the load path: what increases from step to step, also when the load does not."""
+        return self.load if self.time is None else self.time
 
     def as_row(self) -> dict[str, Any]:
-        """Flat form for history.csv: ``min_j_<region>`` and ``energy_<region>`` are columns."""
+        """Flat form for history.csv: ``min_j_<region>``, ``energy_<region>``, ``parameter_<name>`` are columns."""
         flat = asdict(self)
-        for name in ("min_j", "energy"):
-            for region, value in flat.pop(name).items():
-                flat[f"{name}_{region}"] = value
+        for name, column in (("min_j", "min_j"), ("energy", "energy"), ("parameters", "parameter")):
+            for key, value in sorted(flat.pop(name).items()):
+                flat[f"{column}_{key}"] = value
         return {key: "" if value is None else value for key, value in flat.items()}
 
     @staticmethod
@@ -86,6 +96,8 @@ class StepRecord:
             negative_pivots=int(row["negative_pivots"]) if row["negative_pivots"] else None,
             jumped=row["jumped"] == "True",
             seconds=float(row["seconds"]),
+            time=float(row["time"]) if row.get("time") else None,
+            parameters=regions("parameter_"),
         )
 
 
@@ -103,6 +115,7 @@ class RunResult:
         projection_degrees: number of cells by degree l (VEM only).
         checks: interpenetration, gap along contact, imbalance of the reactions and the regulariser's part of the
             medium's energy at the last converged step, see :class:`tmc_vem.report.contact.ContactReport`.
+        warnings: what is doubtful about the result, in sentences; see :mod:`tmc_vem.plausibility`.
         seconds: wall time by phase.
         history: the load steps.
         directory: where the run was written, or None.
@@ -122,6 +135,7 @@ class RunResult:
     history: Sequence[StepRecord] = field(repr=False)
     directory: Path | None = None
     checks: Mapping[str, Any] = field(default_factory=dict)
+    warnings: Sequence[str] = ()
 
     @property
     def last(self) -> StepRecord | None:
@@ -169,6 +183,7 @@ class RunResult:
             "negative_pivots": last.negative_pivots if last else None,
             "projection_degrees": dict(self.projection_degrees),
             "checks": dict(self.checks),
+            "warnings": list(self.warnings),
             "seconds": dict(self.seconds),
             "inputs": dict(self.inputs),
             "versions": dict(self.versions),
@@ -196,8 +211,8 @@ class RunResult:
                 )
             names = ("inputs", "versions", "complete", "reason", "load", "n_cells", "n_dofs", "newton_iterations",
                      "cut_backs", "projection_degrees", "seconds")  # fmt: skip
-            checks = data.get("checks", {})  # not in the first run directories
-            return RunResult(**{name: data[name] for name in names}, history=history, directory=path, checks=checks)
+            later = {name: data[name] for name in ("checks", "warnings") if name in data}  # not in the first runs
+            return RunResult(**{name: data[name] for name in names}, history=history, directory=path, **later)
         except OSError as error:
             raise InputError(f"{path} is not a run directory: {error.strerror} ({error.filename})") from None
         except (KeyError, ValueError, TypeError) as error:
@@ -223,7 +238,7 @@ class RunDirectory:
         path = self.path
         if path.exists() and not path.is_dir():
             raise InputError(f"output directory {path} is a file: choose another name")
-        if path.is_dir() and any(path.iterdir()):
+        if path.is_dir() and any(entry.name != LOCK for entry in path.iterdir()):
             if not any((path / name).exists() for name in (RESULT, HISTORY, COMMAND)):
                 raise InputError(f"output directory {path} has other things in it: choose an empty or new one")
             if not overwrite:
@@ -241,6 +256,7 @@ class RunDirectory:
             command: what the command line was asked, for a later ``tmc-vem resume``.
         """
         self.path.mkdir(parents=True, exist_ok=True)
+        remove_unfinished(self.path)
         for name in _OWN:
             target = self.path / name
             if target.is_dir():
@@ -263,7 +279,8 @@ class RunDirectory:
             writer.writerow(row)
 
     def rewrite_history(self, records: Sequence[StepRecord]) -> None:
-        """Write history.csv anew, without the steps after a checkpoint."""
+        """Write history.csv anew, without the steps after a checkpoint, and remove what was left half written."""
+        remove_unfinished(self.path)
         rows = [record.as_row() for record in records]
         text = io.StringIO()
         writer = csv.DictWriter(text, fieldnames=list(rows[0]) if rows else ["step"])
@@ -274,21 +291,6 @@ class RunDirectory:
     def write_result(self, result: RunResult) -> None:
         """Write result.json."""
         write_atomically(self.path / RESULT, result.to_json())
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Write a text file so that a reader sees the old one or the new one, whole."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
-    try:
-        with os.fdopen(handle, "w") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
 
 
 def _finite(value: Any) -> Any:

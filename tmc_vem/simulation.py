@@ -13,11 +13,13 @@ from tmc_vem.monitor import Monitor
 from tmc_vem.parallel import on_root
 from tmc_vem.problems.base import Problem, RegionEnergy
 from tmc_vem.results import RunDirectory, RunResult
+from tmc_vem.solve.path import Control, ControlPath
 from tmc_vem.timing import Timer
-from tmc_vem.validation import check_fields, require_choice
+from tmc_vem.validation import check_fields, require_choice, require_finite, require_known, require_positive
 from tmc_vem.vem.element import ElementSettings
 
 METHODS = ("vem", "fem")
+CONTINUED = ("gamma", "alpha_r")
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,12 @@ class RunOptions:
         fem: order, quadrature and interior penalty of the Lagrange elements.
         steps: equal load steps, or None for automatic ones.
         largest_step: largest automatic step, as a fraction of the load.
+        path: load factors to go through one after another: (0, 1, 0) loads and unloads.
+        output_loads: load factors to hit exactly and write, besides those of the path.
+        continuation: values of the medium's gamma or alpha_r that the first leg of the path is gone with; at its end
+            they are brought to those of the problem step by step, and the rest of the path follows.
+        max_iterations: Newton iterations after which the run ends, or None; failed attempts count.
+        max_seconds: wall time after which the run ends, or None.
         snapshots: load steps that are written as VTU files, evenly spread over the load.
         checkpoint_every: converged load steps between checkpoints in the output directory; 0 for none.
         overwrite: replace an earlier run in the output directory.
@@ -40,6 +48,11 @@ class RunOptions:
     fem: FemSettings = field(default_factory=FemSettings)
     steps: int | None = None
     largest_step: float = 0.1
+    path: tuple[float, ...] = (0.0, 1.0)
+    output_loads: tuple[float, ...] = ()
+    continuation: Mapping[str, float] = field(default_factory=dict)
+    max_iterations: int | None = None
+    max_seconds: float | None = None
     snapshots: int = 10
     checkpoint_every: int = 1
     overwrite: bool = False
@@ -53,6 +66,16 @@ class RunOptions:
             raise InputError(f"checkpoint every {self.checkpoint_every} steps: use 1 or more, or 0 for none")
         if not 0.0 < self.largest_step <= 1.0:
             raise InputError(f"largest step = {self.largest_step:g}: use a fraction of the load, above 0 and up to 1")
+        if self.path[:1] != (0.0,):
+            raise InputError(f"load path {' '.join(f'{load:g}' for load in self.path)} must begin with 0")
+        for load in self.output_loads:
+            require_finite("output load", load)
+        require_known(self.continuation, CONTINUED, "continuation")
+        for name, value in self.continuation.items():
+            require_positive(f"continuation from {name}", value, "it is where the parameter starts from")
+        for name in ("max_iterations", "max_seconds"):
+            if getattr(self, name) is not None:
+                require_positive(name, getattr(self, name), "or leave it out for no limit")
 
 
 def run(
@@ -88,7 +111,9 @@ def run(
     from mpi4py import MPI
 
     from tmc_vem.interrupt import stop_requests
+    from tmc_vem.lock import DirectoryLock
     from tmc_vem.recorder import Recorder
+    from tmc_vem.solve.budget import Budget
     from tmc_vem.solve.newton import NewtonSolver
     from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 
@@ -102,47 +127,88 @@ def run(
         first=min(SteppingOptions.first, options.largest_step),
         smallest=min(SteppingOptions.smallest, options.largest_step),
     )
+    path = control_path(problem, options)
     if resume and out is None:
         raise InputError("there is nothing to resume without a run directory")
 
+    directory: RunDirectory | None = None
+    lock: DirectoryLock | None = None
     with timer("set-up"):
-        directory = None
         if out is not None:
             directory = comm.bcast(on_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume)))
         system = discretise(problem, options, comm)
         solver = NewtonSolver(system, timer=timer)
-        inputs = run_inputs(problem, options)
-        if directory is not None and comm.rank == 0 and not resume:
-            directory.start(command)
-        comm.barrier()
-        recorder = Recorder(
-            problem, system, inputs, directory, options.snapshots, options.checkpoint_every, monitor, timer
-        )
-        u, previous = system.create_vector(), system.create_vector()
-        start = recorder.restore(u, previous) if resume else None
-    monitor.started(problem, system.n_cells_global, system.n_dofs)
+    if directory is not None:
+        directory.path.mkdir(parents=True, exist_ok=True)
+        lock = on_root(comm, lambda: DirectoryLock(directory.path))
+    try:
+        with timer("set-up"):
+            if directory is not None and comm.rank == 0 and not resume:
+                directory.start(command)
+            comm.barrier()
+            recorder = Recorder(
+                problem, system, run_inputs(problem, options), directory, path, options.snapshots,
+                options.checkpoint_every, monitor, timer,
+            )  # fmt: skip
+            if directory is not None and lock is not None and not lock.held:
+                recorder.warnings.append(
+                    f"the file system of {directory.path} has no locks: only one run may write there"
+                )
+            u = system.create_vector()
+            states, position = recorder.restore(u) if resume else (None, None)
+        monitor.end = path.end
+        monitor.started(problem, system.n_cells_global, system.n_dofs)
+        budget = Budget(options.max_iterations, options.max_seconds, comm)
+        with stop_requests(comm) as stop:
 
-    iterations = 0
-    with stop_requests(comm) as stop:
+            def on_iteration(iteration: Any) -> None:
+                monitor.iterated(solver.iterations_done, iteration.residual)
+                stop.check()
+                budget.spend()
 
-        def on_iteration(iteration: Any) -> None:
-            nonlocal iterations
-            iterations += 1
-            monitor.iterated(iterations, iteration.residual)
-            stop.check()
+            def on_step(step: Any, states: Any, at: Any) -> None:
+                recorder.record(step, states, at, solver.residual)
 
-        solver.on_iteration = on_iteration
-        stepper = LoadStepper(
-            solver, stepping, lambda step, u, before, at: recorder.record(step, u, before, at, solver.residual)
-        )
-        try:
-            outcome = stepper.run(u, previous, start)
-        except TmcError:
-            monitor.aborted()
-            raise
-    result = recorder.finish(outcome, u, solver.residual)
+            solver.on_iteration = on_iteration
+            stepper = LoadStepper(solver, stepping, on_step, path, _gamma(problem))
+            try:
+                outcome = stepper.run(u, states, position)
+            except TmcError:
+                monitor.aborted()
+                raise
+        result = recorder.finish(outcome, u, solver.residual)
+    finally:
+        if lock is not None:
+            lock.release()
     monitor.finished(result)
     return result
+
+
+def control_path(problem: Problem, options: RunOptions) -> ControlPath:
+    """The path of loads and continued parameters that the options ask for.
+
+    Raises:
+        InputError: a load is repeated or not usable, or the problem has no medium whose parameters could be continued.
+    """
+    if not options.continuation or len(options.path) < 2:
+        return ControlPath([Control(load) for load in options.path], options.output_loads)
+    media = [region.values for region in problem.regions().values() if region.is_medium]
+    end: dict[str, float] = {}
+    for name in options.continuation:
+        values = {region[name] for region in media}
+        if len(values) != 1:
+            raise InputError(f"continuation in {name} needs one value of it in the medium, got {len(values)}")
+        end[name] = values.pop()
+    first, second, *rest = options.path
+    begin = {name: options.continuation[name] for name in end}
+    corners = [Control(first, begin), Control(second, begin), Control(second, end), *(Control(x, end) for x in rest)]
+    return ControlPath(corners, options.output_loads)
+
+
+def _gamma(problem: Problem) -> dict[str, float]:
+    """gamma of the medium, if there is one value of it; the load stepper may raise it for a while."""
+    values = {region.values["gamma"] for region in problem.regions().values() if "gamma" in region.values}
+    return {"gamma": values.pop()} if len(values) == 1 else {}
 
 
 def discretise(problem: Problem, options: RunOptions, comm: Any) -> Any:
@@ -196,4 +262,7 @@ def _method_inputs(options: RunOptions) -> Mapping[str, Any]:
         **discretisation,
         "load_steps": "automatic" if options.steps is None else options.steps,
         "largest_step": options.largest_step,
+        **({} if options.path == RunOptions.path else {"load_path": list(options.path)}),
+        **({"output_loads": list(options.output_loads)} if options.output_loads else {}),
+        **({"continuation": dict(options.continuation)} if options.continuation else {}),
     }

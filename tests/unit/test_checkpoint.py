@@ -24,7 +24,7 @@ BOX = ["run", "box", "--cells", "20", "5", "--uy", "-0.4", "--steps", "16", "--s
 def checkpoint(value: float = 1.0) -> Checkpoint:
     labels = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.5, 1.0]])
     state = np.full((3, 2), value) + labels[:, :2]
-    return Checkpoint({"number": value}, labels, state, 0.5 * state)
+    return Checkpoint({"number": value}, labels, np.array([0.5 * state, state]))
 
 
 @pytest.fixture(scope="module")
@@ -99,8 +99,8 @@ def test_round_trip(tmp_path: Path) -> None:
     checkpoint().write(tmp_path)
     again = Checkpoint.read(tmp_path)
     assert again.facts == {"number": 1.0}
-    state, previous = again.values_at(checkpoint().labels_nz[::-1])
-    np.testing.assert_array_equal(state, checkpoint().state_ni[::-1])
+    previous, state = again.values_at(checkpoint().labels_nz[::-1])
+    np.testing.assert_array_equal(state, checkpoint().states_sni[1, ::-1])
     np.testing.assert_array_equal(previous, 0.5 * state)
 
 
@@ -145,3 +145,20 @@ def test_full_disk_leaves_the_last_checkpoint(tmp_path: Path, monkeypatch: pytes
         checkpoint(2.0).write(tmp_path)
     assert Checkpoint.read(tmp_path).facts == {"number": 1.0}
     assert sorted(p.name for p in tmp_path.iterdir()) == [CHECKPOINT]
+
+
+def test_a_disk_that_fills_up_is_reported_and_the_run_goes_on_later(tmp_path: Path, whole_run: Path) -> None:
+    """Files may not grow beyond a size that later checkpoints exceed."""
+    out = tmp_path / "box"
+    limit = (whole_run / CHECKPOINT).stat().st_size - 4000  # the history in it grows
+    code = f"from mpi4py import MPI; import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit})); "
+    done = subprocess.run(
+        [sys.executable, "-c", code + COMMAND[2], *BOX, "--out", str(out)],
+        capture_output=True, text=True, env=clean_environment(), check=False,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+    assert "could not be written (File too large); the last one is intact" in done.stderr
+    assert not list(out.rglob(".unfinished-*"))
+    assert tmc("resume", str(out), "--quiet").returncode == 0
+    assert result(out) == result(whole_run)

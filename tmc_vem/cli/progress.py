@@ -32,7 +32,7 @@ class ConsoleMonitor(Monitor):
                 TextColumn("load"), BarColumn(bar_width=30), TextColumn("{task.percentage:5.1f} %"),
                 TextColumn("{task.fields[state]}"), TimeElapsedColumn(), console=self.console, transient=True,
             )  # fmt: skip
-            self._task = self._progress.add_task("load", total=1.0, state="")
+            self._task = self._progress.add_task("load", total=self.end, state="")
             self._progress.start()
 
     def iterated(self, iteration: int, residual: float) -> None:
@@ -45,9 +45,9 @@ class ConsoleMonitor(Monitor):
         gap = "" if record.gap is None else f"gap {record.gap:.4g}, "
         self._last = f"step {record.step}, {gap}min J {min(record.min_j.values()):.2g}, "
         if self._progress:
-            self._progress.update(self._task, completed=record.load, state=self._last)
-        elif record.load >= self._shown + 0.1 - 1e-9:
-            self._shown = record.load
+            self._progress.update(self._task, completed=record.coordinate, state=self._last)
+        elif record.coordinate >= self._shown + 0.1 - 1e-9:
+            self._shown = record.coordinate
             self.console.print(f"load {record.load:.3f}, {self._last}{record.iterations} iterations", highlight=False)
 
     def aborted(self) -> None:
@@ -99,6 +99,7 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
     seconds = dict(result.seconds)
     total = seconds.pop("total")
     rows.append(("time", f"{total:.2f} s ({', '.join(f'{phase} {value:.2f}' for phase, value in seconds.items())})"))
+    rows += [("warning", text) for text in result.warnings]
     if result.directory:
         rows.append(("written to", str(result.directory)))
     return rows

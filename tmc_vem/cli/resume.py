@@ -17,8 +17,17 @@ from tmc_vem.results import COMMAND
 @click.argument("directory", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print result.json on stdout, and nothing else.")
 @click.option("--quiet", is_flag=True, help="No progress display and no summary.")
+@click.option("--max-iterations", type=int, help="Stop after this many more Newton iterations. Default: no limit.")
+@click.option("--max-seconds", type=float, help="Stop after this wall time. Default: no limit.")
 @click.pass_context
-def resume(ctx: click.Context, directory: Path, as_json: bool, quiet: bool) -> None:
+def resume(
+    ctx: click.Context,
+    directory: Path,
+    as_json: bool,
+    quiet: bool,
+    max_iterations: int | None,
+    max_seconds: float | None,
+) -> None:
     """Go on with a run from its last checkpoint.
 
     DIRECTORY is the run directory of a run that was interrupted, killed, or stopped before the full load. The result is
@@ -32,6 +41,7 @@ def resume(ctx: click.Context, directory: Path, as_json: bool, quiet: bool) -> N
     if command is None or command.callback is None:
         raise InputError(f"{directory / COMMAND} asks for the problem '{name}', which does not exist")
     parameters |= {"out": directory, "as_json": as_json, "quiet": quiet}
+    parameters |= {"max_iterations": max_iterations, "max_seconds": max_seconds}
     known = {parameter.name for parameter in command.params}
     unknown = sorted(set(parameters) - known)
     if unknown:

@@ -63,6 +63,21 @@ def method_options(command: Callable[..., Any]) -> Callable[..., Any]:
     options = [
         click.option("--steps", type=int, help="Equal load steps (the paper's box: 100). Default: automatic steps."),
         click.option(
+            "--path", metavar="'LOADS'", default="0 1", show_default=True,
+            help="Load factors to go through, e.g. '0 1 0 1' to load, unload and load again.",
+        ),
+        click.option(
+            "--at", "output_loads", type=float, multiple=True, metavar="LOAD",
+            help="Load factor to hit exactly and write; may be given several times.",
+        ),
+        click.option(
+            "--continuation", multiple=True, metavar="NAME=VALUE",
+            help="Load with this gamma or alpha_r, then bring it to the wanted value at full load. For small gamma, "
+            "e.g. --gamma 1e-8 --continuation gamma=1e-4. May be given for both.",
+        ),
+        click.option("--max-iterations", type=int, help="Stop after this many Newton iterations; resume goes on."),
+        click.option("--max-seconds", type=float, help="Stop after this wall time; resume goes on."),
+        click.option(
             "--method", type=click.Choice(["vem", "fem"]), default="vem", show_default=True,
             help="Virtual elements, or Lagrange elements in dolfinx for comparison.",
         ),
@@ -230,6 +245,11 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
         method=options["method"],
         **method_settings(options),
         steps=options["steps"],
+        path=parse_path(options["path"]),
+        output_loads=options["output_loads"],
+        continuation=parse_parameters(options["continuation"], "--continuation"),
+        max_iterations=options["max_iterations"],
+        max_seconds=options["max_seconds"],
         snapshots=options["snapshots"],
         checkpoint_every=options["checkpoint_every"],
         overwrite=options["overwrite"],
@@ -271,6 +291,8 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
             print_summary(result)
     if not result.complete:
         kept = f"; steps up to there are in {result.directory}" if result.directory else ""
+        if settings.max_iterations or settings.max_seconds:
+            kept += f"; 'tmc-vem resume {result.directory}' goes on" if result.directory else ""
         raise ConvergenceError(f"stopped at {result.load:.4g} of the load: {result.reason}{kept}")
 
 
@@ -314,7 +336,19 @@ def method_settings(options: dict[str, Any]) -> dict[str, Any]:
     return {"element": element}
 
 
-def parse_parameters(texts: tuple[str, ...]) -> dict[str, float]:
+def parse_path(text: str) -> tuple[float, ...]:
+    """Load factors separated by blanks or commas.
+
+    Raises:
+        InputError: one is not a number.
+    """
+    try:
+        return tuple(float(word) for word in text.replace(",", " ").split())
+    except ValueError:
+        raise InputError(f"--path '{text}' is not a list of load factors, for example '0 1 0'") from None
+
+
+def parse_parameters(texts: tuple[str, ...], option: str = "--param") -> dict[str, float]:
     """Values of ``NAME=VALUE`` options.
 
     Raises:
@@ -328,7 +362,8 @@ def parse_parameters(texts: tuple[str, ...]) -> dict[str, float]:
         except ValueError:
             separator = ""
         if not separator or not name.strip():
-            raise InputError(f"--param '{text}' is not NAME=VALUE, for example kappa=0.1")
+            example = "kappa=0.1" if option == "--param" else "gamma=1e-4"
+            raise InputError(f"{option} '{text}' is not NAME=VALUE, for example {example}")
     return values
 
 

@@ -10,7 +10,7 @@ import click
 
 SUFFIX = ".toml"
 # options that the file decides unless they are given
-METHOD, STEPS, SNAPSHOTS, CHECKPOINTS = "method", "steps", "snapshots", "checkpoint_every"
+DECIDED = ("method", "steps", "snapshots", "checkpoint_every", "max_iterations", "max_seconds")
 
 
 class RunGroup(click.Group):
@@ -40,12 +40,14 @@ def problem_command(path: str) -> click.Command:
         from tmc_vem.problem_file import read_problem
 
         problem, settings = read_problem(path)
-        given = {name: options[name] for name in (METHOD, STEPS, SNAPSHOTS, CHECKPOINTS) if options[name] is not None}
+        given = {name: options[name] for name in DECIDED if options[name] is not None}
         execute(problem, dataclasses.replace(settings, overwrite=options["overwrite"], **given), options)
 
     options: list[click.Parameter] = [
         click.Option(["--method"], type=click.Choice(["vem", "fem"]), help="Virtual or Lagrange elements."),
         click.Option(["--steps"], type=int, help="Equal load steps."),
+        click.Option(["--max-iterations"], type=int, help="Stop after this many Newton iterations; resume goes on."),
+        click.Option(["--max-seconds"], type=float, help="Stop after this wall time; resume goes on."),
         click.Option(["--out"], type=click.Path(path_type=Path), help="Run directory. Default: nothing is written."),
         click.Option(["--overwrite"], is_flag=True, help="Replace an earlier run in the run directory."),
         click.Option(["--checkpoint-every"], type=int, help="Load steps; 0 for none."),

@@ -250,8 +250,8 @@ def original_cells(mesh: Any) -> Int:
     return np.asarray(mesh.topology.original_cell_index, dtype=np.int64)
 
 
-def constants(mesh: Any, values: Sequence[float]) -> list[Any]:
-    """Numbers that can change without a form being compiled again.
+def constants(mesh: Any, values: Sequence[float]) -> tuple[list[Any], Any]:
+    """Numbers that can change without a form being compiled again, and the array that holds their values.
 
     They are the components of one constant: UFL orders several by their running numbers as text ("10" before "9"), so
     that the form, and with it its place in the cache, would depend on how many constants were made before.
@@ -259,7 +259,7 @@ def constants(mesh: Any, values: Sequence[float]) -> list[Any]:
     from dolfinx import fem
 
     vector = fem.Constant(mesh, np.array([*values, 0.0, 0.0], dtype=float))  # never a scalar
-    return [vector[n] for n in range(len(values))]
+    return [vector[n] for n in range(len(values))], vector.value
 
 
 def function(space: Any) -> Any:

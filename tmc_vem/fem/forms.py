@@ -5,7 +5,7 @@ Residual and tangent are derivatives of the potential, so they agree with it and
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, Protocol
@@ -45,12 +45,14 @@ class Forms:
         facets: by region name, the interior penalty's energy, for the media that have one.
         residual: first derivative of all of it.
         tangent: second derivative.
+        set_parameters: changes parameters, by name, in every energy that has them.
     """
 
     cells: Any
     facets: Mapping[str, Any]
     residual: Any
     tangent: Any
+    set_parameters: Callable[[Mapping[str, float]], None]
 
 
 def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], settings: FemSettings) -> Forms:
@@ -66,7 +68,7 @@ def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], sett
     metadata = {"quadrature_degree": settings.quadrature}
     cell_tags = compat.mesh_tags(domain, 2, np.arange(len(mesh.region_c)), mesh.region_c)
     dx = ufl.Measure("dx", domain=domain, subdomain_data=cell_tags, metadata=metadata)
-    parameters, eta = _parameters(domain, {name: regions[name] for name in names}, settings.eta)
+    parameters, eta, set_parameters = _parameters(domain, {name: regions[name] for name in names}, settings.eta)
     G = ufl.variable(ufl.grad(ufl.grad(u)))
     densities = {name: _density(u, G, regions[name].energy, parameters[name]) for name in names}
     cells = sum(densities[name] * dx(number) for number, name in enumerate(names))
@@ -88,19 +90,26 @@ def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], sett
     potential = cells + sum(facets.values()) if facets else cells
     space = u.function_space
     residual = ufl.derivative(potential, u, ufl.TestFunction(space))
-    return Forms(cells, facets, residual, ufl.derivative(residual, u, ufl.TrialFunction(space)))
+    return Forms(cells, facets, residual, ufl.derivative(residual, u, ufl.TrialFunction(space)), set_parameters)
 
 
 def _parameters(
     domain: Any, regions: Mapping[str, RegionDensity], eta: float
-) -> tuple[dict[str, SimpleNamespace], Any]:
-    """Parameters of each region and the penalty factor as constants."""
+) -> tuple[dict[str, SimpleNamespace], Any, Callable[[Mapping[str, float]], None]]:
+    """Parameters of each region and the penalty factor as constants, and how to change them."""
     keys = [(name, key) for name, region in regions.items() for key in region.energy.parameters]
-    *values, factor = compat.constants(domain, [*(regions[name].values[key] for name, key in keys), eta])
+    constants, numbers = compat.constants(domain, [*(regions[name].values[key] for name, key in keys), eta])
+    *values, factor = constants
     parameters = {name: SimpleNamespace() for name in regions}
     for (name, key), value in zip(keys, values, strict=True):
         setattr(parameters[name], key, value)
-    return parameters, factor
+
+    def change(wanted: Mapping[str, float]) -> None:
+        for position, (_, key) in enumerate(keys):
+            if key in wanted:
+                numbers[position] = wanted[key]
+
+    return parameters, factor, change
 
 
 def _density(u: Any, G: Any, energy: Energy, p: SimpleNamespace) -> Any:

@@ -73,6 +73,7 @@ class FemSystem:
         self._cells_of = [np.flatnonzero(owned == number) for number in range(len(self.region_names))]
         self._state, self._gradient = self.nodes.function(), self.nodes.function()
         self.forms = make_forms(self.mesh, self._state, regions, self.settings)
+        self._values = {name: dict(region.values) for name, region in regions.items()}
         self._tangent: Any = None
         self._load_nodes: Float | None = None
         self._owned, self._owned_values = self.nodes.locate(prescribed)
@@ -102,6 +103,12 @@ class FemSystem:
         """Displacements of :meth:`constrained` at a load factor."""
         values: Float = load * self._owned_values
         return values
+
+    def set_parameters(self, values: Mapping[str, float]) -> None:
+        """Change parameters, by name, in every energy that has them."""
+        self.forms.set_parameters(values)
+        for own in self._values.values():
+            own.update({name: value for name, value in values.items() if name in own})
 
     def energy(self, u: Any) -> Evaluation:
         """Potential at ``u``."""
@@ -249,7 +256,8 @@ class FemSystem:
         for name, cells in zip(self.region_names, self._cells_of, strict=True):
             region = self.densities[name]
             names = region.energy.parameters
-            p = SimpleNamespace(**{key: 0.0 if key == without else float(region.values[key]) for key in names})
+            values = self._values[name]
+            p = SimpleNamespace(**{key: 0.0 if key == without else float(values[key]) for key in names})
             gradient, second = self.points.gradients(u_nodes[self.nodes.cell_nodes_ca[cells]], cells)
             min_j_c[cells] = jacobian(gradient).min(axis=1)
             F = [[gradient[..., i, j].astype(np.longdouble) + (i == j) for j in (0, 1)] for i in (0, 1)]

@@ -29,7 +29,7 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4) -> P
     except InputError as error:
         available, states = [], [Text(str(error))]
     if available:
-        wanted = result.load * np.arange(1, n_states + 1) / n_states
+        wanted = result.history[-1].coordinate * np.arange(1, n_states + 1) / n_states
         chosen = {found.load: found for load in wanted for found in (nearest(available, float(load)),)}
         panels = [
             (f"displacement {record_of(result, found).displacement:.3g}", read_fields(result, found))

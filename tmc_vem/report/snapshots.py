@@ -16,7 +16,7 @@ from tmc_vem.results import COLLECTION, RunResult, StepRecord
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Load step whose fields were written, one file a rank."""
+    """Load step whose fields were written, one file a rank; ``load`` is its coordinate along the load path."""
 
     load: float
     files: tuple[Path, ...]
@@ -52,7 +52,7 @@ def nearest(available: list[Snapshot], load: float) -> Snapshot:
 
 def record_of(result: RunResult, snapshot: Snapshot) -> StepRecord:
     """Load step that belongs to a snapshot."""
-    return min(result.history, key=lambda record: abs(record.load - snapshot.load))
+    return min(result.history, key=lambda record: abs(record.coordinate - snapshot.load))
 
 
 def read_fields(result: RunResult, snapshot: Snapshot) -> Fields:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from tmc_vem.files import write_atomically
 from tmc_vem.report.page import Page
-from tmc_vem.results import write_atomically
 
 FIGURES = "figures"
 

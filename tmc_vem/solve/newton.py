@@ -102,6 +102,7 @@ class NewtonSolver:
         self._diagonal: Any = None
         self._shifted = False
         self._last_shift = 0.0
+        self.iterations_done = 0  # since the solver was made, whatever became of them
 
     def set_prescribed(self, u: Any, load: float) -> None:
         """Write the prescribed displacements of a load factor into ``u``."""
@@ -179,6 +180,7 @@ class NewtonSolver:
             correction = self._direction.norm(3) / self.system.size  # 3 is PETSc's infinity norm
             step, evaluation = self._line_search(u, evaluation, expand=minimise and bool(pivots))
             iterations.append(Iteration(residual / reference if reference else 0.0, correction, step))
+            self.iterations_done += 1
             if self.on_iteration:
                 self.on_iteration(iterations[-1])
             if step == 0.0:

@@ -64,6 +64,9 @@ class NonlinearSystem(Protocol):
     def constrained(self) -> NDArray[np.int32]:
         """Constrained degrees of freedom that this rank owns, as positions in the rank's part of a vector."""
 
+    def set_parameters(self, values: Mapping[str, float]) -> None:
+        """Change parameters, by name, in every energy that has them."""
+
     def prescribed(self, load: float) -> Float:
         """Their values at a load factor, parallel to :meth:`constrained`."""
 

@@ -1,36 +1,42 @@
-"""Load stepping: from load factor 0 to 1 with a predictor, growth and cut-back of the step."""
+"""Stepping along a path of loads, and of parameters that are continued: prediction, growth and cut-back of the step."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from tmc_vem.errors import InputError
+from tmc_vem.solve.budget import OutOfBudget
 from tmc_vem.solve.newton import NewtonResult, NewtonSolver
+from tmc_vem.solve.path import Control, ControlPath, load_path
+from tmc_vem.solve.states import ORDER, States
 
 DONE = 1e-12
-JUMP = 100.0  # load over which a new branch is looked for where the old one ends, in units of the smallest step
+JUMP = 100.0  # way over which a new branch is looked for where the old one ends, in units of the smallest step
+DETOURS = (10.0, 100.0)  # by how much gamma is raised to get past a load where the branch ends
 
 
 @dataclass(frozen=True)
 class SteppingOptions:
-    """How the load is applied.
+    """How the path is divided into steps.
 
     Attributes:
-        steps: number of equal steps, or None for automatic ones. Equal steps that fail are halved as often as needed,
-            and the next equal load is still hit.
+        steps: number of equal steps on every leg of the path, or None for automatic ones. Equal steps that fail are
+            halved as often as needed, and the next equal step's end is still hit.
         first, largest, smallest: automatic step sizes, as fractions of the load.
         target_iterations: automatic steps grow while they need fewer iterations than this, and shrink above it.
         growth: largest factor between two steps.
+        order: of the polynomial that is extrapolated through the last states, as far as there are enough of them.
     """
 
     steps: int | None = None
     first: float = 0.01
     largest: float = 0.1
     smallest: float = 1e-5
-    target_iterations: int = 5
-    growth: float = 1.5
+    target_iterations: int = 4
+    growth: float = 2.0
+    order: int = ORDER
 
     def __post_init__(self) -> None:
         if self.steps is not None and not 1 <= self.steps <= 1_000_000:
@@ -40,49 +46,56 @@ class SteppingOptions:
                 f"load step sizes need 0 < smallest <= first <= largest <= 1, got {self.smallest:g}, {self.first:g}, "
                 f"{self.largest:g}"
             )
+        if not 1 <= self.order <= ORDER:
+            raise InputError(f"extrapolation of order {self.order}: use 1 to {ORDER}")
 
 
 @dataclass(frozen=True)
 class Step:
-    """A converged load step.
+    """A converged step.
 
     Attributes:
         number: 1 for the first.
-        load: load factor reached.
+        time: coordinate along the path; the load factor itself where the load goes from 0 to 1.
+        control: load factor and parameters reached.
         newton: how it converged.
         cut_backs: failed attempts since the step before.
         wasted_iterations: Newton iterations of those attempts.
-        jumped: the branch that was followed ended or bifurcated; this state is a minimum of the potential beyond it.
+        jumped: the branch that was followed ended or bifurcated; this state is on another one.
     """
 
     number: int
-    load: float
+    time: float
+    control: Control
     newton: NewtonResult
     cut_backs: int
     wasted_iterations: int
     jumped: bool = False
 
+    @property
+    def load(self) -> float:
+        """Load factor reached."""
+        return self.control.load
+
 
 @dataclass(frozen=True)
 class Position:
-    """Where the load stepping stands after a converged step; with the last two states, all it needs to go on.
+    """Where the stepping stands after a converged step; with the last states, all it needs to go on.
 
     Attributes:
-        load: load factor of the step.
-        last_size: its size, 0 if there is nothing to extrapolate from.
+        time: coordinate along the path.
         size: size of the next step.
         number: steps so far.
     """
 
-    load: float = 0.0
-    last_size: float = 0.0
+    time: float = 0.0
     size: float = 0.0
     number: int = 0
 
 
 @dataclass(frozen=True)
 class SteppingResult:
-    """Where the load stepping ended: the full load, or the last converged one and why not further."""
+    """Where the stepping ended: the end of the path, or the last converged step and why not further."""
 
     load: float
     complete: bool
@@ -93,120 +106,189 @@ class SteppingResult:
 
 @dataclass
 class LoadStepper:
-    """Applies the load factor from 0 to 1.
+    """Goes along a path from its start to its end.
 
     Args:
         solver: Newton's method for the system.
         options: step sizes.
-        on_step: called after every converged step with the step, the state, the state before and the position from
-            which the stepping could go on; the residual (with the reactions) is in ``solver.residual``.
+        on_step: called after every converged step with the step, the last states and the position from which the
+            stepping could go on; the residual (with the reactions) is in ``solver.residual``.
+        path: what is controlled; the load factor from 0 to 1 by default.
+        soften: parameters that may be raised for a while where a branch ends, with the problem's values: a stiffer
+            medium may get past that load, and is softened again beyond it.
     """
 
     solver: NewtonSolver
     options: SteppingOptions = field(default_factory=SteppingOptions)
-    on_step: Callable[[Step, Any, Any, Position], None] | None = None
+    on_step: Callable[[Step, States, Position], None] | None = None
+    path: ControlPath = field(default_factory=load_path)
+    soften: Mapping[str, float] = field(default_factory=dict)
 
-    def run(self, u: Any, previous: Any = None, start: Position | None = None) -> SteppingResult:
-        """Load up to 1.
+    def start(self, u: Any) -> tuple[States, Position]:
+        """States and position at the beginning of the path."""
+        states = States(u)
+        states.append(self.path.vector(self.path.at(0.0)), u)
+        return states, Position(size=self._first_size(0.0))
+
+    def run(self, u: Any, states: States | None = None, position: Position | None = None) -> SteppingResult:
+        """Go to the end of the path.
 
         Args:
             u: the state to start from; it is left at the last converged state.
-            previous: the state before it, if the stepping goes on from a position.
-            start: position to go on from; load 0 by default.
+            states, position: to go on from, as ``on_step`` was given them; the beginning by default.
         """
-        start = start or Position(size=self._first_size())
-        previous = u.duplicate() if previous is None else previous
+        if states is None or position is None:
+            states, position = self.start(u)
         trial = u.duplicate()
-        load, last_size, size, number = start.load, start.last_size, start.size, start.number
-        cut_backs, wasted = 0, 0
-        while load < 1.0 - DONE:
-            target = self._target(load, size)
-            result = self._attempt(u, previous, trial, load, last_size, target)
-            jumped = False
-            if not result.converged:
-                cut_backs += 1
-                wasted += len(result.iterations)
-                size = 0.5 * (target - load)
-                if size >= self.options.smallest:
-                    continue
-                reason = self._why(result, u)
-                # the branch that was followed may have ended, at a limit point or a bifurcation
-                target = self._target(load, JUMP * self.options.smallest)
-                result = self._descend(u, trial, target)
+        cut_backs, done = 0, self.solver.iterations_done
+        try:
+            while position.time < self.path.end - DONE:
+                target, jumped = self._target(position), False
+                result = self._attempt(u, states, trial, position.time, target)
                 if not result.converged:
-                    return SteppingResult(load, False, reason, wasted + len(result.iterations), cut_backs)
-                jumped = True
-            u.copy(previous)
-            trial.copy(u)
-            # there is nothing to extrapolate across a jump to another branch
-            taken = target - load
-            last_size, load, number = 0.0 if jumped else taken, target, number + 1
-            size = self._next_size(size, taken, len(result.iterations), cut_backs > 0 and not jumped)
-            if self.on_step:
-                step = Step(number, load, result, cut_backs, wasted, jumped)
-                self.on_step(step, u, previous, Position(load, last_size, size, number))
-            cut_backs, wasted = 0, 0
-        return SteppingResult(1.0, True, "full load")
+                    cut_backs += 1
+                    position = replace(position, size=0.5 * (target - position.time))
+                    if position.size >= self.options.smallest:
+                        continue
+                    # the branch that was followed may have ended, at a limit point or a bifurcation
+                    target, jumped = self._target(replace(position, size=JUMP * self.options.smallest)), True
+                    other = self._other_branch(u, trial, position.time, target)
+                    if not other.converged:
+                        self._control(position.time)
+                        wasted = self.solver.iterations_done - done
+                        return SteppingResult(self._load(position), False, self._why(result, u), wasted, cut_backs)
+                    result = other
+                trial.copy(u)
+                states.append(self.path.vector(self.path.at(target)), u)
+                if jumped:  # there is nothing to extrapolate across a jump to another branch
+                    states.forget()
+                size = self._next_size(position, target, len(result.iterations), cut_backs > 0 and not jumped)
+                position = Position(target, size, position.number + 1)
+                if self.on_step:
+                    wasted = self.solver.iterations_done - done - len(result.iterations)
+                    control = self.path.at(target)
+                    step = Step(position.number, target, control, result, cut_backs, wasted, jumped)
+                    self.on_step(step, states, position)
+                cut_backs, done = 0, self.solver.iterations_done
+        except OutOfBudget as limit:
+            self._control(position.time)
+            wasted = self.solver.iterations_done - done
+            return SteppingResult(self._load(position), False, str(limit), wasted, cut_backs)
+        finally:
+            trial.destroy()
+        return SteppingResult(self._load(position), True, "full load")
 
-    def _attempt(self, u: Any, previous: Any, trial: Any, load: float, last_size: float, target: float) -> NewtonResult:
+    def _attempt(self, u: Any, states: States, trial: Any, now: float, target: float) -> NewtonResult:
         """Try to find equilibrium at ``target`` in ``trial``, starting from an extrapolation or the tangent."""
-        if last_size > 0.0:
-            increment = previous  # reused below only after it is restored
-            ratio = (target - load) / last_size
-            trial.waxpy(-1.0, increment, u)
-            trial.scale(ratio)
-            admissible = self.solver.is_admissible(u, trial)
-            if admissible:
-                trial.axpy(1.0, u)
-                self.solver.set_prescribed(trial, target)
-                result = self.solver.solve(trial)
-                if result.converged:
-                    return result
-                spent = result.iterations
-            else:
-                spent = ()
-        else:
-            spent = ()
-        if not self.solver.predict(u, target, trial):
-            evaluation = self.solver.system.energy(u)
-            return NewtonResult(False, f"the predictor inverts the mesh ({evaluation.worst})", evaluation, spent)
-        result = self.solver.solve(trial)
-        return NewtonResult(
-            result.converged, result.reason, result.evaluation, (*spent, *result.iterations), result.negative_pivots
-        )
+        load = self._control(target)
+        if self._extrapolate(u, states, trial, target):
+            self.solver.set_prescribed(trial, load)
+            result = self.solver.solve(trial)
+            if result.converged:
+                return result
+        if self.solver.predict(u, load, trial):
+            return self.solver.solve(trial)
+        if load == self.path.at(now).load:  # parameters change, and the old state is admissible still
+            u.copy(trial)
+            return self.solver.solve(trial)
+        evaluation = self.solver.system.energy(u)
+        return NewtonResult(False, f"the predictor inverts the mesh ({evaluation.worst})", evaluation)
 
-    def _descend(self, u: Any, trial: Any, target: float) -> NewtonResult:
-        """Look for a stable equilibrium at ``target`` downhill from the last one, with the load moved on."""
+    def _extrapolate(self, u: Any, states: States, trial: Any, target: float) -> bool:
+        """Extrapolate with the highest order that keeps J > 0, into ``trial``; whether there is one."""
+        control = self.path.vector(self.path.at(target))
+        increment = u.duplicate()
+        try:
+            for order in states.orders(control):
+                if order <= self.options.order:
+                    states.extrapolate(control, order, trial)
+                    increment.waxpy(-1.0, u, trial)
+                    if self.solver.is_admissible(u, increment):
+                        return True
+            return False
+        finally:
+            increment.destroy()
+
+    def _other_branch(self, u: Any, trial: Any, now: float, target: float) -> NewtonResult:
+        """Look for an equilibrium at ``target`` that the branch followed so far does not lead to.
+
+        First downhill from the last state with the load moved on, then with a stiffer medium that is softened again
+        at the target.
+        """
+        load = self._control(target)
         u.copy(trial)
-        self.solver.set_prescribed(trial, target)
-        return self.solver.solve(trial, minimise=True)
+        self.solver.set_prescribed(trial, load)
+        result = self.solver.solve(trial, minimise=True)
+        if result.converged:
+            return result
+        here, there = self.path.at(now), self.path.at(target)
+        for factor in DETOURS if self.soften else ():
+            before, after = ({**self.soften, **control.parameters} for control in (here, there))
+            stiff = {name: factor * value for name, value in before.items()}
+            corners = [Control(here.load, before), Control(here.load, stiff), Control(there.load, stiff)]
+            path = ControlPath([*corners, Control(there.load, after)])
+            last: list[NewtonResult] = []
+            options = replace(self.options, steps=None, smallest=min(1e-3, self.options.first))
+            inner = LoadStepper(self.solver, options, lambda step, *_, kept=last: kept.append(step.newton), path)
+            u.copy(trial)
+            if inner.run(trial).complete:
+                return last[-1]
+        return result
+
+    def _control(self, time: float) -> float:
+        """Give the system the parameters of a time; the load factor there."""
+        control = self.path.at(time)
+        parameters = {**self.soften, **control.parameters}
+        if parameters:
+            self.solver.system.set_parameters(parameters)
+        return control.load
+
+    def _load(self, position: Position) -> float:
+        return self.path.at(position.time).load
 
     def _why(self, result: NewtonResult, u: Any) -> str:
-        """Why the load cannot be increased, what was tried and what to try."""
+        """Why there is no way to go on, what was tried and what to try."""
         worst = self.solver.system.energy(u).worst
+        softened = ""
+        if self.soften:
+            softened = f", {', '.join(self.soften)} raised {DETOURS[-1]:g} times to get past this load"
         return (
             f"{result.reason}; smallest {worst}. Tried: steps down to {self.options.smallest:g} of the load, "
-            "extrapolated and tangent predictors, descent to another equilibrium. Try a larger alpha_r or gamma, or a "
-            "finer medium there"
+            f"extrapolated and tangent predictors, descent to another equilibrium{softened}. Try a larger alpha_r or "
+            "gamma, --continuation from a larger gamma, or a finer medium there"
         )
 
-    def _first_size(self) -> float:
-        return 1.0 / self.options.steps if self.options.steps else self.options.first
+    def _first_size(self, time: float) -> float:
+        if self.options.steps:
+            return self._equal_size(time)
+        return self.options.first
 
-    def _target(self, load: float, size: float) -> float:
-        if self.options.steps:  # the next equal load, unless the step was cut
-            following = (int(load * self.options.steps + 1e-9) + 1) / self.options.steps
-            return following if load + size > following - DONE else load + size
-        target = load + size
-        if target > 1.0 - 0.3 * size:  # no sliver of a last step
-            return 1.0
-        return target
+    def _equal_size(self, time: float) -> float:
+        assert self.options.steps
+        leg = self.path.leg(time)
+        return float(self.path.times[leg + 1] - self.path.times[leg]) / self.options.steps
 
-    def _next_size(self, size: float, taken: float, iterations: int, was_cut: bool) -> float:
-        options = self.options
+    def _target(self, position: Position) -> float:
+        """Time that a step of the position's size leads to, cut where something must be hit."""
+        time, size = position.time, position.size
+        stop = self.path.next_stop(time)
+        if self.options.steps:  # the next equal step's end, unless the step was cut
+            start, equal = self.path.start_of_leg(time), self._equal_size(time)
+            number = int((time - start) / equal + 1e-9) + 1
+            following = min(stop, start + number * equal if number < self.options.steps else stop)
+            return following if time + size > following - DONE else time + size
+        if time + size > stop - 0.3 * size:  # no sliver of a last step
+            return stop
+        return time + size
+
+    def _next_size(self, position: Position, target: float, iterations: int, was_cut: bool) -> float:
+        options, taken = self.options, target - position.time
         if options.steps:
-            return 1.0 / options.steps if not was_cut else taken
-        factor = min(options.growth, max(0.5, (options.target_iterations / max(iterations, 1))))
+            return taken if was_cut else self._equal_size(target)
+        wanted = options.target_iterations
+        factor = options.growth if iterations < wanted else max(0.5, wanted / iterations)
         if was_cut:
             factor = min(factor, 1.0)
+        if taken < (1.0 - 1e-6) * position.size and iterations <= wanted:  # short only because something had to be hit
+            return position.size
         return min(options.largest, taken * factor)

@@ -114,7 +114,7 @@ def make_blocks(
                 Block(
                     region=regions[number],
                     kernel=energy.kernel,
-                    parameters=energy.parameters,
+                    parameters=energy.parameters.copy(),
                     batch=batch,
                     cells=cells,
                     n_sides=group.n_sides,

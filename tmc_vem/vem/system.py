@@ -108,6 +108,13 @@ class VemSystem:
         values: Float = load * self._owned_values
         return values
 
+    def set_parameters(self, values: Mapping[str, float]) -> None:
+        """Change parameters, by name, in every energy that has them."""
+        for block in self.blocks:
+            for position, name in enumerate(block.kernel.parameters):
+                if name in values:
+                    block.parameters[position] = values[name]
+
     def energy(self, u: Any) -> Evaluation:
         """Potential at ``u``."""
         u_nodes = self._local_values(u)
