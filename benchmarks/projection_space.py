@@ -33,7 +33,8 @@ from tmc_vem.problems import Box
 from tmc_vem.problems.base import Medium
 from tmc_vem.simulation import RunOptions, run
 from tmc_vem.solve.newton import NewtonSolver
-from tmc_vem.vem.element import PROJECTIONS, ElementSettings, _elastic_tangent, build_elements
+from tmc_vem.vem.element import PROJECTIONS, ElementSettings, build_elements
+from tmc_vem.vem.stability import elastic_tangent
 from tmc_vem.vem.tables import points_and_values
 
 Float = NDArray[np.float64]
@@ -71,7 +72,7 @@ def study_zoo() -> None:
                 cells.append("-")
                 continue
             rows = np.moveaxis(group.tables.rows(2), 2, 0)
-            eigenvalues = np.linalg.eigvalsh(_elastic_tangent(rows, rows * group.tables.w_sq[..., None]))[0]
+            eigenvalues = np.linalg.eigvalsh(elastic_tangent(rows, rows * group.tables.w_sq[..., None]))[0]
             space = {"composite": "c", "macro": "m"}.get(group.projection, group.projection.removeprefix("harmonic "))
             cells.append(f"{eigenvalues[3] / eigenvalues[-1]:.0e} {space}")
         print(name.ljust(26), *(c.rjust(14) for c in cells))

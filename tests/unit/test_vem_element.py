@@ -13,11 +13,11 @@ from tmc_vem.vem.element import (
     ElementSettings,
     build_elements,
     congruence_classes,
-    stability_constants,
 )
 from tmc_vem.vem.quadrature import sub_triangles
 from tmc_vem.vem.rules import on_sub_triangles
-from tmc_vem.vem.spaces import FullSpace
+from tmc_vem.vem.spaces import FullSpace, Shapes
+from tmc_vem.vem.stability import StabilityTest, positive_definite, stability_constants
 from tmc_vem.vem.tables import points_and_values, tabulate
 
 # Smallest l of full rank for k = 2. Those of squares, pentagons, halved triangles and hanging nodes are known from
@@ -36,7 +36,9 @@ ALL_SHAPES = {**SHAPES, "square, sides in three": SQUARE_IN_THREE}
 
 def tables_of(polygon, k, degree):
     ((_, triangles),) = sub_triangles(polygon[None])
-    return tabulate(polygon[None], triangles, k, FullSpace(degree), on_sub_triangles(triangles, 2 * k))
+    return tabulate(
+        Shapes.of(polygon[None], triangles, k, degree), FullSpace(degree), on_sub_triangles(triangles, 2 * k)
+    )
 
 
 def rank_deficit(tables):
@@ -248,3 +250,28 @@ def test_every_cell_is_in_one_group_and_weights_add_up():
 def test_settings_are_checked(arguments, message):
     with pytest.raises(InputError, match=message):
         ElementSettings(**arguments)
+
+
+@pytest.mark.parametrize("k", [2, 3])
+def test_the_stability_test_agrees_with_the_eigenvalues(k):
+    """Positive definiteness after lifting the rigid motions says the same as the smallest constant, on either side."""
+    for polygon in ALL_SHAPES.values():
+        ((_, triangles),) = sub_triangles(polygon[None])
+        shapes = Shapes.of(polygon[None], triangles, k, k + 1)
+        for degree in (k, k + 1):
+            tables = tables_of(polygon, k, degree)
+            smallest = stability_constants(polygon[None], tables, k)[0, 0]
+            test = StabilityTest(shapes)
+            if smallest > 1e-8:
+                assert test.passes(tables, np.zeros(1, dtype=int), 0.99 * smallest)[0]
+            assert not test.passes(tables, np.zeros(1, dtype=int), 1.01 * max(smallest, 1e-8))[0]
+
+
+def test_positive_definite_matrices_are_told_from_others():
+    rng = np.random.default_rng(3)
+    spectra = np.sort(rng.uniform(0.1, 10.0, (150, 7)), axis=1)
+    spectra[::3, 0] *= -1.0
+    bases, _ = np.linalg.qr(rng.normal(size=(150, 7, 7)))
+    found = positive_definite(bases * spectra[:, None] @ np.swapaxes(bases, 1, 2))
+    assert found.tolist() == (spectra[:, 0] > 0.0).tolist()
+    assert not positive_definite(np.full((1, 2, 2), np.nan))[0]

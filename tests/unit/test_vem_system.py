@@ -13,6 +13,7 @@ from tmc_vem.mesh import PolygonMesh
 from tmc_vem.problems import Box, Medium
 from tmc_vem.vem import insertion
 from tmc_vem.vem.element import ElementSettings
+from tmc_vem.vem.pattern import serial_matrix
 from tmc_vem.vem.tables import points_and_values
 
 MEDIUM = {"mu": 10.0, "gamma": 0.1, "alpha_r": 0.3, "beta": 2.0}
@@ -119,6 +120,15 @@ def test_direct_insertion_is_that_of_petsc(name, monkeypatch):
             system.jacobian(u, matrix)
         tangents.append(dense(matrix))
     np.testing.assert_allclose(tangents[0], tangents[1], rtol=0, atol=1e-13 * np.abs(tangents[1]).max())
+
+
+@pytest.mark.parametrize("name", ["box", "solid and medium, order 3", "hanging nodes", "non-convex"])
+def test_the_matrix_of_one_rank_is_that_of_the_dm(name):
+    system = SYSTEMS[name]()
+    ours, expected = serial_matrix(system.blocks, system.dofmap.dm, system.dofmap.n_nodes), system.dofmap.dm.createMat()
+    for found, wanted in zip(ours.getValuesCSR(), expected.getValuesCSR(), strict=True):
+        np.testing.assert_array_equal(found, wanted)
+    assert ours.getBlockSizes() == (2, 2)  # the components of a node
 
 
 def test_constrained_rows_and_columns_are_the_identity():

@@ -52,12 +52,16 @@ class DofMap:
             (distributed.vertex_points, 1),
             (distributed.edge_points, n_edge),
         )
+        first, last = dm.getChart()
+        nodes_p = np.zeros(last - first, dtype=np.int64)
         for points, nodes in parts:
+            nodes_p[points - first] = nodes
             for point in points.tolist():
                 section.setDof(point, 2 * nodes)
         section.setUp()
         dm.setSection(section)
-        cells, vertices, edges = (_nodes(section, points, nodes) for points, nodes in parts)
+        start_p = np.cumsum(nodes_p) - nodes_p  # a section numbers its points in the order of the chart
+        cells, vertices, edges = (start_p[points - first][:, None] + np.arange(nodes) for points, nodes in parts)
         probe = dm.createGlobalVec()
         n_global = probe.getSize()
         probe.destroy()
@@ -71,8 +75,3 @@ class DofMap:
         forward = distributed.edges.forward[sides]
         along = np.where(forward[..., None], along, along[..., ::-1])
         return np.concatenate([vertices, along.reshape(len(cells), -1), self.cell_moments[cells]], axis=1)
-
-
-def _nodes(section: Any, points: Int, nodes: int) -> Int:
-    offsets = np.fromiter((section.getOffset(p) for p in points.tolist()), dtype=np.int64, count=len(points))
-    return offsets[:, None] // 2 + np.arange(nodes)

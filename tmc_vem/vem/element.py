@@ -21,12 +21,12 @@ from tmc_vem.errors import InputError
 from tmc_vem.mesh.geometry import diameters
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.validation import check_fields, require_choice
-from tmc_vem.vem.projector import PolygonGeometry, dofs_of_monomials, elliptic_projector, gradient_projector
 from tmc_vem.vem.quadrature import sub_triangles
 from tmc_vem.vem.rules import CellRule, compressed, convex, on_sub_triangles, simple
 from tmc_vem.vem.space_composite import CompositeSpace
 from tmc_vem.vem.space_macro import MacroSpace
-from tmc_vem.vem.spaces import FullSpace, HarmonicSpace, ProjectionSpace
+from tmc_vem.vem.spaces import FullSpace, HarmonicSpace, ProjectionSpace, Shapes
+from tmc_vem.vem.stability import SPURIOUS, StabilityTest, spurious_modes, stability_constants
 from tmc_vem.vem.tables import Tables, tabulate
 
 Float = NDArray[np.float64]
@@ -34,16 +34,16 @@ Int = NDArray[np.int64]
 
 RULES = ("auto", "compressed", "triangles")
 PROJECTIONS = ("auto", "full", "harmonic", "macro", "composite")
-RIGID_MODES = 3
 LARGEST_DEGREE = 8
 # The smallest energy of a mode, as a fraction of what the reference element gives it. Modes without energy stay at
 # rounding, below 1e-13; most cells are above 1e-2. In between are shapes close to a deficient one, such as a hanging
 # node slightly off its straight side (1e-5 to 1e-9): no zero, but as harmful as one. So l is raised until STABLE is
 # reached. Edges below a hundredth of the cell may not allow that; what counts as spurious for good is below SPURIOUS.
-STABLE, SPURIOUS = 1e-3, 1e-5
+STABLE = 1e-3
 # With 'auto', [P_l]^2 with l up to k + 1 is used where every mode has this fraction. For k = 2, triangles and
 # quadrilaterals have 0.4 and more, convex pentagons about 0.15, cells with a hanging node up to 0.08, hexagons 0.03.
 GOOD = 0.1
+CHUNK = 256  # shapes whose arrays stay in the second-level cache
 # Cells whose vertices agree up to a translation and this fraction of their diameter share a projector.
 CONGRUENCE = 1e-10
 
@@ -170,7 +170,7 @@ def build_elements(mesh: PolygonMesh, settings: ElementSettings, cell_ids: Int |
         for part, triangles in _alike(polygons_cvx[representatives]):
             shapes = polygons_cvx[representatives[part]]
             names = cells[representatives[part]] if cell_ids is None else cell_ids[cells[representatives[part]]]
-            for space, chosen, tables in _choose_space(shapes, triangles, names, settings):
+            for space, chosen, tables in _spaces_of(shapes, triangles, names, settings):
                 position = np.full(len(representatives), -1, dtype=np.int64)
                 position[part[chosen]] = np.arange(len(chosen))
                 members = np.flatnonzero(position[shape_of] >= 0)
@@ -178,10 +178,10 @@ def build_elements(mesh: PolygonMesh, settings: ElementSettings, cell_ids: Int |
                     ElementGroup(
                         cells=cells[members],
                         shape_c=position[shape_of[members]].astype(np.int32),
+                        tables=tables,
                         n_sides=vertices_cv.shape[1],
                         degree=space.degree,
                         projection=space.label,
-                        tables=tables,
                     )
                 )
     return groups
@@ -207,59 +207,24 @@ def _alike(polygons_cvx: Float) -> Iterator[tuple[Int, Float]]:
                 yield part[chosen], triangles[chosen]
 
 
-def stability_constants(polygons_cvx: Float, tables: Tables, k: int) -> Float:
-    """Generalised eigenvalues (n_shapes, 2 n_basis - 3), ascending, of the tangent of plane elasticity at F = I.
-
-    The other matrix of the eigenvalue problem is a conventional virtual element with stabilisation, which has full rank
-    on any polygon. The eigenvalues depend neither on the size of the cell nor on the scaling of its degrees of freedom,
-    and edges short or long count alike. Rigid motions, which have no energy in either, are taken out.
-    """
-    gradient = np.moveaxis(tables.rows(2), 2, 0)
-    tangent = _elastic_tangent(gradient, gradient * tables.w_sq[..., None])
-    spectrum, modes = np.linalg.eigh(_stabilised_reference(polygons_cvx, k))
-    scaled = modes[:, :, RIGID_MODES:] / np.sqrt(spectrum[:, None, RIGID_MODES:])
-    constants: Float = np.linalg.eigvalsh(np.swapaxes(scaled, 1, 2) @ tangent @ scaled)
-    return constants
-
-
-def _elastic_tangent(gradient_xsqa: Float, weighted_xsqa: Float) -> Float:
-    """Tangent (n_shapes, 2 n, 2 n) of plane elasticity with lambda = mu = 1, all x components first."""
-    d, w = gradient_xsqa, weighted_xsqa
-    xx, yy, xy = (np.swapaxes(d[i], 1, 2) @ w[j] for i, j in ((0, 0), (1, 1), (0, 1)))
-    yx = np.swapaxes(xy, 1, 2)
-    return np.concatenate(
-        [np.concatenate([3.0 * xx + yy, xy + yx], axis=2), np.concatenate([xy + yx, 3.0 * yy + xx], axis=2)], axis=1
-    )
-
-
-def _stabilised_reference(polygons_cvx: Float, k: int) -> Float:
-    """Elastic tangent of the virtual element with Pi0_(k-1) grad and the diagonal recipe for the stabilisation.
-
-    The recipe, ``sum_i max(1, K_ii) dof_i(v - Pi v)^2``, is that of Beirao da Veiga, Dassi & Russo (2017) for high k.
-    """
-    geometry = PolygonGeometry.of(polygons_cvx, k)
-    elliptic = elliptic_projector(geometry, k)
-    gradient = np.stack(gradient_projector(geometry, k, k - 1, elliptic))
-    mass = geometry.mass(k - 1) * geometry.diameter_c[:, None, None] ** 2
-    reference = _elastic_tangent(gradient, mass @ gradient)
-    remainder = np.eye(elliptic.shape[2]) - dofs_of_monomials(geometry, k) @ elliptic
-    n_basis = len(remainder[0])
-    weight = np.maximum(1.0, np.einsum("caa->ca", reference)[:, :n_basis])
-    stabilisation = np.swapaxes(remainder, 1, 2) @ (weight[:, :, None] * remainder)
-    reference[:, :n_basis, :n_basis] += stabilisation
-    reference[:, n_basis:, n_basis:] += stabilisation
-    return reference
-
-
-def spurious_modes(constants_sm: Float) -> Int:
-    """(n_shapes,) number of modes with no, or hardly any, energy besides the three rigid motions."""
-    count: Int = (constants_sm < SPURIOUS).sum(axis=1)
-    return count
-
-
 def first_candidate(n_sides: int, k: int) -> int:
     """Smallest l that the counting rule (40), N <= 2 l - 2 k + 5, allows; at least k - 1, which reproduces P_k."""
     return max(k - 1, -(-(n_sides + 2 * k - 5) // 2))
+
+
+def _spaces_of(
+    shapes: Float, triangles: Float, names: Int, settings: ElementSettings
+) -> Iterator[tuple[ProjectionSpace, Int, Tables]]:
+    """:func:`_choose_space` for many shapes, by pieces that stay in the cache."""
+    found: dict[str, tuple[ProjectionSpace, list[Int], list[Tables]]] = {}
+    for first in range(0, len(shapes), CHUNK):
+        piece = slice(first, first + CHUNK)
+        for space, chosen, tables in _choose_space(shapes[piece], triangles[piece], names[piece], settings):
+            _, positions, parts = found.setdefault(space.label, (space, [], []))
+            positions.append(first + chosen)
+            parts.append(tables)
+    for space, positions, parts in found.values():
+        yield space, np.concatenate(positions), Tables.concatenate(parts)
 
 
 def _choose_space(
@@ -268,17 +233,22 @@ def _choose_space(
     """Split shapes by the space they get: (space, positions among ``shapes``, tables)."""
     k, n_sides = settings.order, shapes.shape[1]
     pending = np.arange(len(shapes))
+    known = Shapes.of(shapes, triangles, k, k + 1)
+    test = StabilityTest(known)
     for space, least in settings.candidates(n_sides):
         rule = settings.cell_rule(space, shapes[pending], triangles[pending])
-        tables = tabulate(shapes[pending], triangles[pending], k, space, rule)
-        constants = stability_constants(shapes[pending], tables, k)
-        passes = constants[:, 0] >= least
+        needed = known if len(pending) == len(known) else known.take(pending)
+        if space.degree > known.geometry.degree:
+            needed = Shapes.of(shapes[pending], triangles[pending], k, space.degree)
+        tables = tabulate(needed, space, rule)
+        passes = test.passes(tables, pending, least)
         if settings.degree is not None and not passes.all():
             worst = int(np.flatnonzero(~passes)[0])
-            raise InputError(_refusal(shapes, triangles, names, settings, worst, spurious_modes(constants)[worst]))
+            constants = stability_constants(shapes[worst : worst + 1], tables.take(np.array([worst])), k)
+            raise InputError(_refusal(shapes, triangles, names, settings, worst, spurious_modes(constants)[0]))
         if passes.any():
             chosen = np.flatnonzero(passes)
-            yield space, pending[chosen], tables.take(chosen)
+            yield space, pending[chosen], tables if passes.all() else tables.take(chosen)
         pending = pending[~passes]
         if not len(pending):
             return

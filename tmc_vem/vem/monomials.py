@@ -58,12 +58,13 @@ def derivative_matrices(degree: int) -> tuple[Float, Float]:
 
 def values(degree: int, xi_cqx: Float) -> Float:
     """Monomials (n_cells, n_points, dimension) at scaled points (n_cells, n_points, 2)."""
-    powers = np.ones((degree + 1, *xi_cqx.shape))
+    m = np.empty((*xi_cqx.shape[:-1], dimension(degree)))
+    m[..., 0] = 1.0
     for d in range(1, degree + 1):
-        powers[d] = powers[d - 1] * xi_cqx
-    a, b = exponents(degree).T
-    product: Float = np.moveaxis(powers[a, ..., 0] * powers[b, ..., 1], 0, -1)
-    return product
+        lower, here = dimension(d - 2), dimension(d - 1)
+        m[..., here : here + d] = m[..., lower : lower + d] * xi_cqx[..., :1]
+        m[..., here + d] = m[..., lower + d - 1] * xi_cqx[..., 1]
+    return m
 
 
 @cache

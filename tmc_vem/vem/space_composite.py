@@ -71,7 +71,9 @@ class CompositeSpace:
             part = shapes.take(chosen)
             coefficients_ctna = reconstruction(part, corners_tp)
             gradients, _ = barycentric_gradients(part.triangles_ctpx)
-            values[chosen] = np.einsum("qnp,ctpx,ctna->ctqxa", slopes, gradients, coefficients_ctna, optimize=True)
+            along = np.swapaxes(slopes, 1, 2).reshape(-1, slopes.shape[1]) @ coefficients_ctna  # (q p), a
+            along = along.reshape(*gradients.shape[:2], len(points), 3, -1)
+            values[chosen] = np.swapaxes(gradients, 2, 3)[:, :, None] @ along
         smooth = FullSpace(self.order).gradients(shapes)
         xi = shapes.scaled_points(points).reshape(*values.shape[:3], 2)
         return Gradients(fitted(values, xi, self.piecewise_degree), smooth.second_sxma)
@@ -120,12 +122,17 @@ def _assemble(shapes: Shapes, numbers: Int, n_total: int, n_moments: int) -> tup
     k = shapes.order
     barycentric, weights = triangle(2 * k)
     gradients, area = barycentric_gradients(shapes.triangles_ctpx)
-    slopes = np.einsum("qnp,ctpx->ctqnx", bernstein_gradients(k, barycentric), gradients)
-    local = np.einsum("ct,q,ctqnx,ctqmx->ctnm", area, weights, slopes, slopes, optimize=True)
+    slopes = bernstein_gradients(k, barycentric)
+    # on the reference triangle, for every pair of barycentric directions; then by the directions' scalar products
+    reference = np.einsum("q,qnp,qmr->prnm", weights, slopes, slopes).reshape(9, -1)
+    products = area[..., None, None] * (gradients @ np.swapaxes(gradients, 2, 3))
+    local = (products.reshape(len(shapes), len(numbers), 9) @ reference).reshape(*area.shape, slopes.shape[1], -1)
     m = monomials.values(k, shapes.scaled_points(barycentric))[..., :n_moments]
     m = m.reshape(len(shapes), len(numbers), len(weights), n_moments)
     scaled_area = area / shapes.geometry.diameter_c[:, None] ** 2
-    local_moments = np.einsum("ct,q,ctqa,qn->ctan", scaled_area, weights, m, bernstein(k, barycentric), optimize=True)
+    local_moments = scaled_area[..., None, None] * (
+        np.swapaxes(m, 2, 3) @ (weights[:, None] * bernstein(k, barycentric))
+    )
     stiffness = np.zeros((len(shapes), n_total, n_total))
     moments = np.zeros((len(shapes), n_moments, n_total))
     for t, at in enumerate(numbers):

@@ -8,6 +8,7 @@ the projection on the smooth [P_k]^2. docs/projection.md derives and compares th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
@@ -105,6 +106,14 @@ class Gradients:
         both = np.stack([grad_x, grad_y], axis=1)
         return Gradients(both[:, None], both)
 
+    @staticmethod
+    def concatenate(parts: Sequence[Gradients]) -> Gradients:
+        """Those of several groups of shapes, one after the other."""
+        first = np.concatenate([g.first_stxma for g in parts])
+        if all(np.shares_memory(g.first_stxma, g.second_sxma) for g in parts):
+            return Gradients(first, first[:, 0])
+        return Gradients(first, np.concatenate([g.second_sxma for g in parts]))
+
     def take(self, chosen: Int) -> Gradients:
         """Those of some of the shapes."""
         first = self.first_stxma[chosen]
@@ -120,20 +129,21 @@ class Gradients:
             piece_q: piece on which each of them lies.
             n_rows: 2 for the gradient alone, or 6.
         """
-        (n_shapes, n_points, _), (_, _, _, n_m, n_basis) = xi_sqx.shape, self.first_stxma.shape
+        (n_shapes, n_points, _), (_, n_pieces, _, n_m, n_basis) = xi_sqx.shape, self.first_stxma.shape
+        if len(piece_q) % n_pieces or (np.reshape(piece_q, (n_pieces, -1)) != np.arange(n_pieces)[:, None]).any():
+            raise ValueError("all pieces must have equally many points, one piece after the other")
+        m = monomials.values(monomials.degree_of(n_m), xi_sqx).reshape(n_shapes, n_pieces, -1, n_m)
+        first = m @ np.moveaxis(self.first_stxma, 2, 3).reshape(n_shapes, n_pieces, n_m, 2 * n_basis)
+        if n_rows == 2:
+            return first.reshape(n_shapes, n_points, 2, n_basis)
         result = np.empty((n_shapes, n_points, n_rows, n_basis))
-        m = monomials.values(monomials.degree_of(n_m), xi_sqx)
-        for piece in np.unique(piece_q):
-            here = np.flatnonzero(piece_q == piece)
+        result[:, :, :2] = first.reshape(n_shapes, n_points, 2, n_basis)
+        degree = monomials.degree_of(self.second_sxma.shape[2])
+        m = monomials.values(degree, xi_sqx) / h_s[:, None, None]
+        # first index fastest: d1 of (d/dx v), d1 of (d/dy v), then d2 of both
+        for direction, matrix in enumerate(monomials.derivative_matrices(degree)):
             for x in (0, 1):
-                result[:, here, x] = m[:, here] @ self.first_stxma[:, piece, x]
-        if n_rows > 2:
-            degree = monomials.degree_of(self.second_sxma.shape[2])
-            m = monomials.values(degree, xi_sqx) / h_s[:, None, None]
-            # first index fastest: d1 of (d/dx v), d1 of (d/dy v), then d2 of both
-            for direction, matrix in enumerate(monomials.derivative_matrices(degree)):
-                for x in (0, 1):
-                    result[:, :, 2 + 2 * direction + x] = (m @ matrix.T) @ self.second_sxma[:, x]
+                result[:, :, 2 + 2 * direction + x] = (m @ matrix.T) @ self.second_sxma[:, x]
         return result
 
 

@@ -24,6 +24,7 @@ from tmc_vem.vem.blocks import CHUNK, RegionKernel, make_blocks
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.element import ElementSettings, build_elements
 from tmc_vem.vem.insertion import MatrixInsertion
+from tmc_vem.vem.pattern import serial_matrix
 from tmc_vem.vem.quadrature import gauss_lobatto
 from tmc_vem.vem.tables import points_and_values
 
@@ -88,7 +89,9 @@ class VemSystem:
 
     def create_matrix(self) -> Any:
         """A new symmetric matrix, preallocated exactly."""
-        matrix = self.dofmap.dm.createMat()
+        dm = self.dofmap.dm
+        plain = self.comm.size == 1 and not PETSc.Options().hasName("dm_mat_type")
+        matrix = serial_matrix(self.blocks, dm, self.dofmap.n_nodes) if plain else dm.createMat()
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)

@@ -6,6 +6,7 @@ from them for eight cells at a time.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,21 +57,32 @@ class Tables:
             self.gradients.take(chosen), self.w_sq[chosen], self.xi_sqx[chosen], self.h_s[chosen], self.piece_q
         )
 
+    @staticmethod
+    def concatenate(parts: Sequence[Tables]) -> Tables:
+        """Shapes of several tables, one after the other."""
+        if len(parts) == 1:
+            return parts[0]
+        return Tables(
+            Gradients.concatenate([t.gradients for t in parts]),
+            np.concatenate([t.w_sq for t in parts]),
+            np.concatenate([t.xi_sqx for t in parts]),
+            np.concatenate([t.h_s for t in parts]),
+            parts[0].piece_q,
+        )
+
     def rows(self, n_rows: int = N_ROWS) -> Float:
         """Derivatives (n_shapes, n_points, n_rows, n_basis): d1, d2, d1d1, d2d1, d1d2, d2d2, or the first two."""
         return self.gradients.rows(self.h_s, self.xi_sqx, self.piece_q, n_rows)
 
 
-def tabulate(polygons_svx: Float, triangles_stpx: Float, k: int, space: ProjectionSpace, rule: CellRule) -> Tables:
-    """Projected basis of every polygon.
+def tabulate(shapes: Shapes, space: ProjectionSpace, rule: CellRule) -> Tables:
+    """Projected basis of every shape.
 
     Args:
-        polygons_svx, triangles_stpx: polygons and their sub-triangles.
-        k: order.
+        shapes: polygons.
         space: what gradients are projected on.
         rule: quadrature.
     """
-    shapes = Shapes.of(polygons_svx, triangles_stpx, k, space.degree)
     geometry = shapes.geometry
     xi = (rule.points_sqx - geometry.centroid_cx[:, None]) / geometry.diameter_c[:, None, None]
     pieces = np.zeros_like(rule.piece_q) if space.piecewise_degree is None else rule.piece_q

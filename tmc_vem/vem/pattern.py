@@ -1,0 +1,48 @@
+"""The matrix of a system on one rank, with the pattern of its cells.
+
+PETSc makes the same matrix from the DM, on any number of ranks, but on one rank this takes half the time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from petsc4py import PETSc
+from scipy import sparse
+
+from tmc_vem.vem.blocks import Block
+
+Int = NDArray[np.int64]
+
+
+def serial_matrix(blocks: Sequence[Block], dm: Any, n_nodes: int) -> Any:
+    """Sequential AIJ matrix, zero, with an entry for every two degrees of freedom of a cell."""
+    starts, columns = node_pattern(blocks, n_nodes)
+    length_n = 2 * np.diff(starts)
+    rows = np.concatenate([[0], np.cumsum(np.repeat(length_n, 2))])
+    pairs = (2 * columns[:, None] + np.arange(2, dtype=columns.dtype)).ravel()  # columns of row 2 n, node after node
+    # row 2 n + 1 repeats row 2 n
+    shift = np.repeat(rows[:-1] - np.repeat(2 * starts[:-1], 2), np.repeat(length_n, 2))
+    entries = pairs[np.arange(rows[-1]) - shift].astype(PETSc.IntType, copy=False)
+    size = 2 * n_nodes
+    csr = (rows.astype(PETSc.IntType), entries, np.zeros(len(entries)))
+    matrix = PETSc.Mat().createAIJ((size, size), bsize=2, csr=csr, comm=PETSc.COMM_SELF)
+    lgmap = dm.getLGMap()
+    matrix.setLGMap(lgmap, lgmap)
+    matrix.setDM(dm)
+    return matrix
+
+
+def node_pattern(blocks: Sequence[Block], n_nodes: int) -> tuple[Int, NDArray[np.int32]]:
+    """Compressed rows of the graph of nodes that share a cell: row starts (n_nodes + 1,) and sorted columns."""
+    sizes = [np.full(block.batch.n_cells, block.batch.n_basis) for block in blocks]
+    offsets = np.concatenate([[0], np.cumsum(np.concatenate(sizes))])
+    nodes = np.concatenate([block.batch.nodes_ca.ravel() for block in blocks])
+    ones = np.ones(len(nodes), dtype=np.int32)
+    incidence = sparse.csr_matrix((ones, nodes, offsets), shape=(len(offsets) - 1, n_nodes))
+    graph = (incidence.T.tocsr() @ incidence).tocsr()
+    graph.sort_indices()
+    return graph.indptr.astype(np.int64), graph.indices
