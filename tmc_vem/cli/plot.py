@@ -41,7 +41,11 @@ def plot(run_dir: Path, out: Path | None, quantity: str, n_states: int) -> None:
 @RUN
 @click.option("--out", type=click.Path(path_type=Path), help="File to write (.gif). Default: deformed.gif in the run.")
 @click.option(
-    "--quantity", type=click.Choice(["uy", "ux"]), default="uy", show_default=True, help="What colours the states."
+    "--quantity",
+    type=click.Choice(["uy", "ux", "J", "energy"]),
+    default="uy",
+    show_default=True,
+    help="What colours the states.",
 )
 @click.option("--seconds", type=click.FloatRange(0.01, 10.0), default=0.25, show_default=True, help="For each state.")
 def animate(run_dir: Path, out: Path | None, quantity: str, seconds: float) -> None:
@@ -61,7 +65,7 @@ def animate(run_dir: Path, out: Path | None, quantity: str, seconds: float) -> N
     if not states:
         raise InputError(f"{run_dir} has no fields: run again with --snapshots 10")
     try:
-        write_animation(states, target, component="xy".index(quantity[1]), seconds_each=seconds)
+        write_animation(states, target, quantity=quantity, seconds_each=seconds)
     except OSError as error:
         raise InputError(f"{target} cannot be written: {error.strerror or error}") from None
     click.echo(str(target))

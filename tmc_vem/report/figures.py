@@ -56,7 +56,7 @@ def draw_deformed(fields: Fields, path: Path, title: str = "", *, component: int
             alpha=alpha, linewidths=line, edgecolors=edge,
         )  # fmt: skip
         axes.add_collection(collection)
-    axes.add_collection(LineCollection(_outline(cells, ~is_medium, deformed), colors="black", linewidths=0.9))
+    axes.add_collection(LineCollection(outline(cells, ~is_medium, deformed), colors="black", linewidths=0.9))
     figure.colorbar(collection, cax=scale_axes, orientation="horizontal", label=f"$u_{'xy'[component]}$")
     if is_medium.any():
         middle = collection.get_cmap()(0.5)
@@ -76,17 +76,24 @@ def draw_deformed(fields: Fields, path: Path, title: str = "", *, component: int
     figure.savefig(path, dpi=130)
 
 
-def _outline(cells: list[NDArray[np.int64]], chosen: NDArray[np.bool_], points: Float) -> list[Float]:
-    """Segments that belong to exactly one of the chosen cells, compared by position (points of ranks are doubled)."""
-    segments: dict[tuple[tuple[float, ...], ...], Float] = {}
+def outline(cells: list[NDArray[np.int64]], chosen: NDArray[np.bool_], points: Float) -> list[Float]:
+    """Polylines of all sides that belong to exactly one of the chosen cells, compared by position (points of ranks are
+    doubled). They are joined, as dots would show where single sides meet."""
+    import shapely
+
+    sides: dict[tuple[tuple[float, ...], ...], Float] = {}
     for cell, use in zip(cells, chosen, strict=True):
         if not use:
             continue
-        for a, b in zip(cell, np.roll(cell, -1), strict=True):
-            ends = sorted((tuple(np.round(points[a], 9)), tuple(np.round(points[b], 9))))
+        at = np.round(points[cell], 9)
+        for a, b in zip(at, np.roll(at, -1, axis=0), strict=True):
+            ends = sorted((tuple(a), tuple(b)))
             key = (ends[0], ends[1])
-            if key in segments:
-                del segments[key]
+            if key in sides:
+                del sides[key]
             else:
-                segments[key] = points[[a, b]]
-    return list(segments.values())
+                sides[key] = np.array([a, b])
+    if not sides:
+        return []
+    joined = shapely.line_merge(shapely.multilinestrings(list(sides.values())))
+    return [shapely.get_coordinates(line) for line in shapely.get_parts(joined)]

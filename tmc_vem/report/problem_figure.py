@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from tmc_vem.constraints import Gap, Prescribed
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.report.figures import MEDIUM, _outline
+from tmc_vem.report.figures import MEDIUM, outline
+from tmc_vem.report.panels import WIDE
 
 SOLIDS = ("#c9d3dc", "#aebccb", "#dcd2c4")
 MEDIUM_COLOUR = "#eaf3fb"
@@ -19,7 +20,8 @@ SUPPORT, LOAD, GAP = "#1c2024", "#c0392b", "#0b5394"
 
 
 def draw_problem(mesh: PolygonMesh, prescribed: Sequence[Prescribed], load: Prescribed, gap: Gap | None) -> Any:
-    """Figure of a problem: fixed components as triangles that point along them, loads as arrows, the gap as a line."""
+    """Figure of a problem: supports as squares, or triangles where one component is free, loads as arrows, the gap as a
+    line."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -28,31 +30,47 @@ def draw_problem(mesh: PolygonMesh, prescribed: Sequence[Prescribed], load: Pres
     figure, (axes,) = _panels(1, extent, width=9.0, height=(1.5, 5.5), margin=0.9)
     _fill(axes, mesh, edges=False)
     unit = 0.05 * float(extent.max())
-    for condition in prescribed:
-        at = _places(mesh, condition.where)
-        if condition.value:
-            direction = np.eye(2)[condition.component] * math.copysign(1.0, condition.value)
-            for x in at[:: max(1, len(at) // 6)]:
-                tail = x - 1.6 * unit * direction
-                axes.annotate("", x, tail, arrowprops={"arrowstyle": "-|>", "color": LOAD, "linewidth": 1.6})
-        else:
-            marker = (">", "^")[condition.component]
-            shown = at[:: max(1, len(at) // 12)] - 0.35 * unit * np.eye(2)[condition.component]
-            axes.plot(*shown.T, marker, color=SUPPORT, markersize=7, clip_on=False)
     handles = [
         Patch(facecolor=SOLIDS[0], edgecolor="black", label="solid"),
         Patch(facecolor=MEDIUM_COLOUR, edgecolor="0.6", label="third medium"),
-        Line2D([], [], marker="^", linestyle="", color=SUPPORT, label="fixed component"),
-        Line2D([], [], marker="v", linestyle="-", color=LOAD, label=f"$u_{'xy'[load.component]}$ = {load.value:g}"),
     ]
+    for label, (marker, offset, where) in _supports(mesh, prescribed).items():
+        axes.plot(*(where + unit * np.array(offset)).T, marker, color=SUPPORT, markersize=6, clip_on=False)
+        handles.append(Line2D([], [], marker=marker, linestyle="", color=SUPPORT, markersize=6, label=label))
+    for condition in prescribed:
+        if condition.value:
+            direction = np.eye(2)[condition.component] * math.copysign(1.0, condition.value)
+            for x in _some(mesh, condition.where, 7):
+                tail = x - 1.6 * unit * direction
+                axes.annotate("", x, tail, arrowprops={"arrowstyle": "-|>", "color": LOAD, "linewidth": 1.6})
+    sizes = dict.fromkeys(f"$u_{'xy'[p.component]}$ = {p.value:g}" for p in (load, *prescribed) if p.value)
+    handles.append(Line2D([], [], marker="v", linestyle="-", color=LOAD, label=", ".join(sizes)))
     if gap is not None:
-        ends = np.concatenate([_places(mesh, gap.first), _places(mesh, gap.second)])
+        ends = np.concatenate([_some(mesh, gap.first, 1), _some(mesh, gap.second, 1)])
         axes.plot(*ends.T, "o-", color=GAP, markersize=4, linewidth=1.2)
         handles.append(Line2D([], [], marker="o", color=GAP, label="gap"))
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=5, fontsize=8, frameon=False)
+    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=6, fontsize=9, frameon=False)
     axes.set_ylim(points[:, 1].min() - 2 * unit, points[:, 1].max() + 2 * unit)
     axes.set_xlim(points[:, 0].min() - 2 * unit, points[:, 0].max() + 2 * unit)
     return figure
+
+
+def _supports(mesh: PolygonMesh, prescribed: Sequence[Prescribed]) -> dict[str, tuple[str, tuple[float, float], Any]]:
+    """Marker, its offset and places by what is fixed there; of many places, some."""
+    held: dict[str, set[int]] = {}
+    for condition in prescribed:
+        if not condition.value:
+            held.setdefault(condition.where, set()).add(condition.component)
+    found: dict[str, tuple[str, tuple[float, float], Any]] = {}
+    for components, label, marker, offset in (
+        ({0, 1}, "fixed", "s", (0.0, 0.0)),
+        ({0}, "fixed in x", ">", (-0.35, 0.0)),
+        ({1}, "fixed in y", "^", (0.0, -0.35)),
+    ):
+        places = [_some(mesh, where, 12) for where, fixed in held.items() if fixed == components]
+        if places:
+            found[label] = (marker, offset, np.concatenate(places))
+    return found
 
 
 def draw_meshes(meshes: Sequence[tuple[str, PolygonMesh]]) -> Any:
@@ -70,7 +88,7 @@ def _panels(n: int, extent: NDArray[np.float64], width: float, height: tuple[flo
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    columns = min(n, 3)
+    columns = 1 if extent[0] > WIDE * extent[1] else min(n, 3)
     rows = math.ceil(n / columns)
     panel = float(np.clip(width / columns * extent[1] / extent[0], *height)) + margin
     figure = Figure(figsize=(width, rows * panel), layout="constrained")
@@ -96,17 +114,31 @@ def _fill(axes: Any, mesh: PolygonMesh, *, edges: bool) -> None:
             [points[cells[c]] for c in chosen],
             facecolors=colour,
             edgecolors="0.55" if edges else colour,
-            linewidths=float(np.clip(8.0 / math.sqrt(len(cells)), 0.05, 0.4)),
+            linewidths=float(np.clip(8.0 / math.sqrt(len(cells)), 0.05, 0.4)) if edges else 0.8,
             rasterized=True,
         )
         axes.add_collection(collection)
     inside = np.array([not name.startswith(MEDIUM) for name in mesh.region_names])[np.asarray(mesh.region_c)]
-    axes.add_collection(LineCollection(_outline(cells, inside, points), colors="black", linewidths=0.9))
+    lines = outline(cells, inside, points)
+    axes.add_collection(LineCollection(lines, colors="black", linewidths=0.9, capstyle="round"))
 
 
-def _places(mesh: PolygonMesh, where: str) -> NDArray[np.float64]:
-    """(n, 2) vertices of a named point or of named edges."""
-    points = np.asarray(mesh.points_vx)
+def _some(mesh: PolygonMesh, where: str, n: int) -> NDArray[np.float64]:
+    """(m, 2) n places along named edges, or one for each piece if there are several; or a named point."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     if where in mesh.named_points:
-        return points[[mesh.named_points[where]]]
-    return points[np.unique(np.asarray(mesh.named_edges[where]))]
+        return np.asarray(mesh.points_vx)[[mesh.named_points[where]]]
+    vertices, edges = np.unique(np.asarray(mesh.named_edges[where]), return_inverse=True)
+    start, end = edges.reshape(-1, 2).T
+    graph = coo_array((np.ones(len(start)), (start, end)), shape=(len(vertices), len(vertices)))
+    count, piece = connected_components(graph, directed=False)
+    chosen = []
+    for number in range(count):
+        points = np.asarray(mesh.points_vx)[vertices[piece == number]]
+        points = points[np.argsort(points[:, np.argmax(np.ptp(points, axis=0))])]
+        length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+        at = length[-1] * (np.linspace(0.0, 1.0, n) if count == 1 else np.array([0.5]))
+        chosen.append(np.column_stack([np.interp(at, length, points[:, x]) for x in (0, 1)]))
+    return np.concatenate(chosen)
