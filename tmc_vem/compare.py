@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from tmc_vem.batch import Job, Observer, Outcome, run_batch
 from tmc_vem.errors import InputError
-from tmc_vem.fem.richardson import extrapolate
 from tmc_vem.files import write_atomically
+from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.paper.values import table2
 from tmc_vem.problems import Bodies, Box, CBox, Medium, Punch
 from tmc_vem.problems.base import Problem
-from tmc_vem.report.comparison import Comparison, Converged, Method, comparison_page
+from tmc_vem.report.comparison import QUANTITIES, Comparison, Method, comparison_page
 from tmc_vem.report.page import Picture, picture
 from tmc_vem.report.problem_figure import draw_meshes, draw_problem
+from tmc_vem.report.richardson import Extrapolation, extrapolate
 from tmc_vem.report.tables import full_gap, runs_csv
 from tmc_vem.report.write import write_page
 from tmc_vem.results import RunResult
@@ -93,14 +95,16 @@ def box_study(
 
 
 def cbox_study(medium: Medium, uy: float, factors: Sequence[int], options: Mapping[str, RunOptions]) -> Study:
-    """The C-box with 10 n x 5 n cells: polygons in the solid for virtual elements, quadrilaterals for finite ones."""
+    """The C-box with 10 n x 5 n cells: polygons in the solid for virtual elements, quadrilaterals for finite ones.
+
+    The column of medium beside the arms is 0.1 wide on all meshes. Polygons need three across the wall at least; there
+    are 2 n + 1.
+    """
     levels = []
     for n in factors:
         cells = (10 * n, 5 * n)
-        problems = {
-            "vem": CBox(cells=cells, solid_cells="polygons", medium=medium, uy=uy),
-            "fem": CBox(cells=cells, solid_cells="quadrilaterals", medium=medium, uy=uy),
-        }
+        box = CBox(cells=cells, medium=medium, uy=uy, polygons_across=2 * n + 1, column_cells=n)
+        problems = {"vem": box, "fem": replace(box, solid_cells="quadrilaterals")}
         levels.append(Level(f"{cells[0]} x {cells[1]}", 1.0 / n, problems))
     return Study(f"C-box: VEM and FEM, {_named(medium)}", levels, options)
 
@@ -158,33 +162,42 @@ def compare(
     return write_page(comparison_page(comparison), out), comparison
 
 
-def converged(sizes: Sequence[float], results: Sequence[RunResult | None]) -> Converged | None:
-    """Mesh-converged gap from the three finest meshes, if all of them reach full load."""
-    gaps = [full_gap(result) for result in results[-3:]]
-    known = [gap for gap in gaps if gap is not None]
-    if len(known) < 3:
-        return None
-    limit = extrapolate(sizes[-3:], known)
-    return Converged(limit.value, limit.uncertainty, limit.order)
+def converged(
+    sizes: Sequence[float],
+    results: Sequence[RunResult | None],
+    quantity: Callable[[RunResult | None], float | None] = full_gap,
+) -> Extrapolation | None:
+    """Mesh-converged value from the three finest meshes, if all of them reach full load."""
+    known = [value for result in results[-3:] if (value := quantity(result)) is not None]
+    return extrapolate(sizes[-3:], known) if len(known) == 3 else None
 
 
 def _method(method: str, study: Study, outcomes: Mapping[tuple[str, str], Outcome]) -> Method:
     results = {level.name: outcomes[method, level.name].result for level in study.levels}
-    limit = converged([level.size for level in study.levels], list(results.values()))
-    return Method(method.upper(), {name: result for name, result in results.items() if result}, limit)
+    sizes = [level.size for level in study.levels]
+    limits = {name: converged(sizes, list(results.values()), value_of) for name, value_of in QUANTITIES.items()}
+    return Method(
+        method.upper(),
+        {name: result for name, result in results.items() if result},
+        {name: limit for name, limit in limits.items() if limit},
+    )
 
 
 def _pictures(study: Study) -> list[Picture]:
-    problem = study.levels[-1].problems["vem"]
-    load = problem.load()
-    figure = draw_problem(problem.make_mesh(), problem.prescribed(), load, problem.gap())
-    pictures = [picture(figure, "problem", f"Problem '{problem.name}' with supports, load and gap.")]
-    for method in study.options:
-        meshes = [(level.name, level.problems[method].make_mesh()) for level in study.levels]
-        if method == "vem" or any(level.problems["vem"] is not level.problems[method] for level in study.levels):
-            same = all(
-                level.problems["vem"] is level.problems["fem"] for level in study.levels if "fem" in level.problems
-            )
-            whose = "both methods" if same else method.upper()
-            pictures.append(picture(draw_meshes(meshes), f"meshes-{method}", f"Meshes of {whose}.", inline="png"))
+    """The problem on its finest mesh, and the meshes; a mesh that cannot be made has failed as a run before."""
+    meshes: dict[str, list[tuple[str, PolygonMesh]]] = {method: [] for method in study.options}
+    for level in study.levels:
+        for method in study.options:
+            with suppress(InputError):
+                meshes[method].append((level.name, level.problems[method].make_mesh()))
+    shown = next(problem for level in reversed(study.levels) for problem in level.problems.values())
+    finest = next(made[-1][1] for made in meshes.values() if made)
+    figure = draw_problem(finest, shown.prescribed(), shown.load(), shown.gap())
+    pictures = [picture(figure, "problem", f"Problem '{shown.name}' with its supports, load and gap.")]
+    same = all(len(set(map(id, level.problems.values()))) == 1 for level in study.levels)
+    for method, made in list(meshes.items())[: 1 if same else None]:
+        whose = "both methods" if same else method.upper()
+        named = [(f"{name}: {mesh.n_cells} cells", mesh) for name, mesh in made]
+        if named:
+            pictures.append(picture(draw_meshes(named), f"meshes-{method}", f"Meshes of {whose}.", inline="png"))
     return pictures

@@ -21,7 +21,9 @@ from tmc_vem.errors import InputError
 from tmc_vem.files import remove_unfinished, write_atomically
 from tmc_vem.lock import LOCK
 
-SCHEMA = 1
+# Schema of run directories that is written, and the oldest that is read. A new entry with a default in ``read`` or
+# ``from_row`` leaves both alone; a changed meaning raises both.
+SCHEMA, OLDEST = 1, 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
 COMMAND = "command.json"
 _OWN = (RESULT, HISTORY, FIELDS, COLLECTION, PICTURE, COMMAND, "checkpoint.npz", "checkpoint-before.npz")
@@ -198,25 +200,41 @@ class RunResult:
         """Result of a run directory.
 
         Raises:
-            InputError: it is not one, or a newer version wrote it.
+            InputError: it is not one, or its schema is not one that this version reads.
         """
         path = Path(directory)
         try:
             data = json.loads((path / RESULT).read_text())
+            _check_schema(path, data)
             with (path / HISTORY).open(newline="") as file:
                 history = [StepRecord.from_row(row) for row in csv.DictReader(file)]
-            if data["schema"] > SCHEMA:
-                raise InputError(
-                    f"{path} was written by a newer version (schema {data['schema']}, known up to {SCHEMA})"
-                )
             names = ("inputs", "versions", "complete", "reason", "load", "n_cells", "n_dofs", "newton_iterations",
                      "cut_backs", "projection_degrees", "seconds")  # fmt: skip
             later = {name: data[name] for name in ("checks", "warnings") if name in data}  # not in the first runs
             return RunResult(**{name: data[name] for name in names}, history=history, directory=path, **later)
         except OSError as error:
             raise InputError(f"{path} is not a run directory: {error.strerror} ({error.filename})") from None
-        except (KeyError, ValueError, TypeError) as error:
+        except KeyError as error:
+            raise InputError(f"{path} is not a readable run directory: {error} is missing; run it again") from None
+        except (ValueError, TypeError) as error:
             raise InputError(f"{path} is not a readable run directory: {error}") from None
+
+
+def _check_schema(path: Path, data: Any) -> None:
+    """Check that this version can read a result.
+
+    Raises:
+        InputError: it has no schema number, or one that is too old or too new.
+    """
+    schema = data.get("schema") if isinstance(data, dict) else None
+    if not isinstance(schema, int):
+        raise InputError(f"{path} was written before run directories had a schema number: run it again")
+    if schema > SCHEMA:
+        raise InputError(
+            f"{path} was written by a newer version (schema {schema}, known up to {SCHEMA}): update tmc-vem"
+        )
+    if schema < OLDEST:
+        raise InputError(f"{path} was written by an old version (schema {schema}, read from {OLDEST} on): run it again")
 
 
 class RunDirectory:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from helpers_fem import problem_system
 
-from tmc_vem.fem.richardson import extrapolate
 from tmc_vem.problems import Box, Medium
+from tmc_vem.report.richardson import extrapolate
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper
 

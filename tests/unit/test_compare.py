@@ -14,12 +14,17 @@ from pathlib import Path
 import pytest
 from helpers_process import clean_environment
 
-from tmc_vem.compare import METHODS, cbox_study, converged, voronoi_study
+from tmc_vem.compare import METHODS, cbox_study, compare, converged, voronoi_study
 from tmc_vem.errors import InputError
-from tmc_vem.paper.tables import table2_sections, table3_jobs
+from tmc_vem.paper import table2 as paper_table2
+from tmc_vem.paper import table3 as paper_table3
+from tmc_vem.paper.point_loads import sinking
 from tmc_vem.paper.values import table2, table3
-from tmc_vem.problems import Punch
+from tmc_vem.problems import Bodies, Punch
 from tmc_vem.problems.cbox import angle_medium
+from tmc_vem.report.comparison import Comparison, Method, comparison_page
+from tmc_vem.report.richardson import Extrapolation
+from tmc_vem.report.write import to_markdown
 from tmc_vem.reproduce import TARGETS, reproduce
 from tmc_vem.results import RunResult, StepRecord
 from tmc_vem.simulation import RunOptions
@@ -70,7 +75,7 @@ def test_the_report_holds_what_it_promises(compared: Path) -> None:
     content = Content((compared / "report.html").read_text())
     assert content.headings == ["Result", "Problem", "Mesh convergence", "Loading", "Deformed states", "Solution",
                                 "How to repeat this"]  # fmt: skip
-    assert len(content.images) == 8
+    assert len(content.images) == 9
     assert all(source.startswith("data:image/") for source in content.images)
     assert content.tables >= 7
     text = (compared / "report.md").read_text()
@@ -115,7 +120,7 @@ def test_the_page_in_a_browser(compared: Path, tmp_path: Path) -> None:
                f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom")  # fmt: skip
     done = subprocess.run([browser, *options, copy.as_uri()], capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
-    assert 'data-images="8"' in done.stdout
+    assert 'data-images="9"' in done.stdout
     assert 'data-bad="0"' in done.stdout
     assert 'data-wide="false"' in done.stdout
     assert "CONSOLE" not in done.stderr
@@ -175,6 +180,47 @@ def test_studies_of_other_problems_differ_in_mesh_and_method_only() -> None:
     assert triangles.load() == punch.jobs()["vem", "size 0.2"].problem.load()
 
 
+def test_meshes_of_a_study_refine_everything_and_keep_the_geometry() -> None:
+    study = cbox_study(angle_medium(1e-5, 1.0), -0.5, (1, 2, 4), {method: RunOptions(method) for method in METHODS})
+    for method in METHODS:
+        meshes = [level.problems[method].make_mesh() for level in study.levels]
+        assert len({float(mesh.points_vx[:, 0].max()) for mesh in meshes}) == 1
+        for region in ("solid", "medium"):
+            counts = [(mesh.region_c == mesh.region_names.index(region)).sum() for mesh in meshes]
+            assert counts == sorted(set(counts)), (method, region)
+
+
+def test_a_mesh_that_cannot_be_made_costs_that_run_only(tmp_path: Path) -> None:
+    medium = angle_medium(1e-4, 1.0)
+    study = voronoi_study(
+        lambda size: Bodies(size=size, medium=medium, uy=0.01), medium, (0.2, 0.15), {"vem": RunOptions("vem")}
+    )
+    report, comparison = compare(study, tmp_path, command="tmc-vem compare bodies")
+    assert list(comparison.methods[0].runs) == ["size 0.15"]
+    assert "gave no result: the interface near" in report.read_text()
+
+
+def method(name: str, gap: float, uncertainty: float, energy: float, penalty: str) -> Method:
+    record = StepRecord(1, 1.0, -1.0, gap, -1.0, 3, 0, 0, {"medium": 0.1}, {"medium": energy}, 0, False, 1.0)
+    inputs = {"method": name.lower(), "interior_penalty": penalty}
+    run = RunResult(inputs, {}, True, "", 1.0, 4, 9, 3, 0, {}, {"total": 1.0}, [record])
+    return Method(name, {"coarse": run}, {"gap": Extrapolation(gap, None, uncertainty)})
+
+
+def test_the_report_doubts_what_it_must() -> None:
+    def warnings(*methods: Method) -> str:
+        return to_markdown(comparison_page(Comparison("t", "c", methods)))
+
+    calm = warnings(method("VEM", 1.0, 0.01, 1.0, "none"), method("FEM", 1.015, 0.01, 1.05, "penalty"))
+    assert "differ by" not in calm
+    assert "not mesh-converged" not in calm
+    apart = warnings(method("VEM", 1.0, 0.01, 1.0, "none"), method("FEM", 1.05, 0.03, 2.0, "penalty"))
+    assert "converged values of the gap differ by more than their uncertainties" in apart
+    assert "FEM is not mesh-converged: the uncertainty of the gap is 2.9%" in apart
+    assert "energies of the medium differ by a factor 2.0" in apart
+    assert "relative to each method's own converged value" in apart
+
+
 def test_the_papers_tables() -> None:
     assert table2()[10.0, 1e-4]["fem_fine"].value == 8.2690e-3
     assert table2()[0.1, 1e-6]["fem_fine"].value is None
@@ -203,6 +249,16 @@ def test_converged_value_of_a_known_sequence() -> None:
     assert converged(sizes, [result(2.0), result(1.9), result(1.8, load=0.7)]) is None
 
 
+def test_single_nodes_sink_in_further_on_finer_meshes(compared: Path) -> None:
+    runs = {n: RunResult.read(next(compared.glob(f"runs/box-vem-{20 * n}x{5 * n}-*"))) for n in (1, 2, 3)}
+    table = sinking({str(n): run for n, run in runs.items()})
+    assert table is not None
+    for column in (1, 2):  # twice the elements, the same load: deeper
+        depth = [float(str(row[column])) for row in table.rows]
+        assert 0.0 < depth[0] < depth[1] < depth[2]
+    assert sinking({"1": runs[1], "2": None}) is None
+
+
 def test_every_target_has_runs_of_its_own() -> None:
     assert set(TARGETS) == {"table2", "table3", "fig4", "fig5", "fig7", "fig8", "fig10", "fig11", "fig13", "fig14"}
     for name, target in TARGETS.items():
@@ -210,11 +266,11 @@ def test_every_target_has_runs_of_its_own() -> None:
             jobs = target.jobs(quick)
             assert jobs, name
             assert len({job.name for job in jobs.values()}) == len(jobs), name
-    assert {job.inputs["medium"]["beta"] for job in table3_jobs(True).values()} == {0.0, 5.0}
+    assert {job.inputs["medium"]["beta"] for job in paper_table3.jobs(True).values()} == {0.0, 5.0}
 
 
 def test_a_table_without_runs_says_so() -> None:
-    (fem, vem, _) = table2_sections({}, quick=True)
+    fem, vem, *_ = paper_table2.sections({}, quick=True)
     assert "0 of 9 pairs" in fem.blocks[0].text  # type: ignore[union-attr]
     assert "failed" in str(vem.blocks)
 

@@ -93,6 +93,8 @@ def test_punch_stiffness_scales_both_moduli():
         (lambda: CBox(wall=0.25), r"wall = 0\.25 leaves no cavity"),
         (lambda: CBox(solid_cells="hexagons"), r"unknown solid_cells 'hexagons': choose one of"),
         (lambda: CBox(medium_refinement=0), r"medium_refinement = 0"),
+        (lambda: CBox(polygons_across=2), r"polygons_across = 2: use 3 to 64"),
+        (lambda: CBox(column_cells=0), r"column_cells = 0: use 1 to 64"),
         (lambda: CBox(uy=math.nan), r"uy = nan"),
         (lambda: CBox(length=-1.0), r"length = -1 must be a positive number"),
         (lambda: Punch(size=0.5), r"size = 0\.5 is too large .* use at most 0\.25"),

@@ -50,6 +50,38 @@ def test_reading_refuses_a_newer_schema(tmp_path: Path, short_run: RunResult) ->
         RunResult.read(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"schema": 0}, "old version"),
+        ({"schema": None}, "before run directories had a schema number"),
+        ({"n_dofs": "gone"}, "'n_dofs' is missing"),
+    ],
+)
+def test_reading_refuses_an_old_schema_and_says_what_is_missing(
+    tmp_path: Path, short_run: RunResult, change: dict[str, object], message: str
+) -> None:
+    assert short_run.directory is not None
+    data = short_run.as_dict() | change
+    if change.get("n_dofs") == "gone":
+        del data["n_dofs"]
+    (tmp_path / "result.json").write_text(json.dumps(data))
+    (tmp_path / "history.csv").write_text((short_run.directory / "history.csv").read_text())
+    with pytest.raises(InputError, match=message):
+        RunResult.read(tmp_path)
+
+
+def test_a_directory_from_before_the_checks_is_read(tmp_path: Path, short_run: RunResult) -> None:
+    assert short_run.directory is not None
+    data = short_run.as_dict()
+    del data["checks"]
+    (tmp_path / "result.json").write_text(json.dumps(data))
+    (tmp_path / "history.csv").write_text((short_run.directory / "history.csv").read_text())
+    again = RunResult.read(tmp_path)
+    assert again.checks == {}
+    assert again.history == short_run.history
+
+
 def test_a_number_that_is_none_becomes_null(short_run: RunResult) -> None:
     from dataclasses import replace
 

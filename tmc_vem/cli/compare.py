@@ -152,7 +152,7 @@ def bodies(uy: float, case: int, sizes: tuple[float, ...], out: Path, jobs: int,
     from tmc_vem.problems import Bodies
 
     medium = _medium(options)
-    chosen = _three("--size", sizes) or ((0.2, 0.15, 0.12) if quick else (0.15, 0.12, 0.1))
+    chosen = _three("--size", sizes) or ((0.15, 0.125, 0.1) if quick else (0.12, 0.085, 0.06))
     study = voronoi_study(
         lambda size: Bodies(case=case, size=size, medium=medium, uy=uy), medium, chosen, _methods(options)
     )

@@ -25,8 +25,8 @@ def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from tmc_vem.report.overview import differing, find_runs
-    from tmc_vem.report.tables import number, reached, runs_csv
+    from tmc_vem.report.overview import find_runs
+    from tmc_vem.report.tables import differing, number, reached, runs_csv
 
     if as_json and as_csv:
         raise InputError("--json and --csv: choose one")

@@ -14,6 +14,7 @@ from tmc_vem.problems.cbox import angle_medium
 from tmc_vem.report import cautions, plots
 from tmc_vem.report.page import Block, Section, Table, Text, Warnings, picture
 from tmc_vem.report.panels import draw_panels
+from tmc_vem.report.problem_figure import draw_meshes, draw_problem
 from tmc_vem.report.snapshots import nearest, read_fields, snapshots
 from tmc_vem.report.tables import effort, final_state
 from tmc_vem.simulation import RunOptions
@@ -48,6 +49,7 @@ class StateFigure:
 
     def sections(self, results: Results, quick: bool) -> list[Section]:
         """States, curves and what must be said about them."""
+        problems = self.problems(quick)
         runs = {label: results[job.name] for label, job in self.jobs(quick).items() if job.name in results}
         contact, overlaps = cautions.of_contact(runs)
         panels = []
@@ -59,14 +61,16 @@ class StateFigure:
             for share in self.shares if available else ():
                 chosen = nearest(available, share)
                 moved = chosen.load * (run.last.displacement / run.last.load if run.last else 0.0)
-                panels.append((f"{label}, displacement {moved:.3g}", read_fields(run, chosen)))
+                title = f"{label}, $u_y$ = {moved:.3g}" if len(problems) > 1 else f"$u_y$ = {moved:.3g}"
+                panels.append((title, read_fields(run, chosen)))
         blocks: list[Block] = [Text(self.note), Warnings([*cautions.of_runs(runs), *overlaps])]
         if panels:
-            figure = draw_panels(panels, columns=min(2, len(panels)))
+            figure = draw_panels(panels)
             blocks.insert(0, picture(figure, f"fig{self.number}", self.caption, inline="png"))
         curves = plots.gap_and_reaction(runs)
         return [
             Section("Deformed states", blocks),
+            Section("Problem", self._problem(problems)),
             Section(
                 "Solution",
                 [
@@ -76,6 +80,16 @@ class StateFigure:
                     Table("Contact in the last state.", ("run", "deformed solids"), contact),
                 ],
             ),
+        ]
+
+    def _problem(self, problems: Mapping[str, Problem]) -> list[Block]:
+        meshes = {label: problem.make_mesh() for label, problem in problems.items()}
+        label, problem = next(iter(problems.items()))
+        figure = draw_problem(meshes[label], problem.prescribed(), problem.load(), problem.gap())
+        named = [(f"{label}: {mesh.n_cells} cells", mesh) for label, mesh in meshes.items()]
+        return [
+            picture(figure, f"fig{self.number}-problem", "The problem with its supports, load and gap."),
+            picture(draw_meshes(named), f"fig{self.number}-mesh", "Undeformed mesh.", inline="png"),
         ]
 
     def target(self) -> Target:

@@ -17,8 +17,6 @@ from tmc_vem.mesh.weld import weld
 from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, solid_region
 from tmc_vem.validation import check_fields, require_choice, require_finite, require_positive
 
-# Size of polygons relative to the wall: three across it, the middle ones true polygons between two regular rows.
-POLYGON_SIZE = 1.0 / 3.0
 SOLID_CELLS = ("quadrilaterals", "polygons")
 
 
@@ -33,8 +31,8 @@ class CBox:
 
     The whole line x = 0 is fixed; the upper right corner has its u_y prescribed and its u_x free. Third medium fills
     the cavity and a column to the right of the arms, over the full height, so that the tips have medium around the
-    point of contact. The column is as wide as one of ``cells`` however fine the medium is: through half of that, the
-    tip slips sideways past the medium and into the lower arm, with J > 0 at all quadrature points.
+    point of contact. The column is some ``cells`` wide however fine the medium is: where it is thin (0.025 is), the tip
+    slips sideways past the medium and into the lower arm, with J > 0 at all quadrature points.
 
     Attributes:
         cells: squares or rectangles in x and y over length x height that resolve the solid.
@@ -45,6 +43,9 @@ class CBox:
         material: solid.
         uy: displacement of the upper right corner at full load (downwards is negative).
         length, height, wall: outer dimensions and thickness of arms and back.
+        polygons_across: polygons across the wall; with 3, the middle ones are true polygons between two regular rows.
+        column_cells: width of the column, in ``cells``. It is a part of the geometry: keep it at the same width when
+            meshes are compared.
     """
 
     cells: tuple[int, int] = (20, 10)
@@ -56,6 +57,8 @@ class CBox:
     length: float = 1.0
     height: float = 0.5
     wall: float = 0.1
+    polygons_across: int = 3
+    column_cells: int = 1
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -65,6 +68,10 @@ class CBox:
             raise InputError(f"wall = {self.wall:g} leaves no cavity in a C-box of {self.length:g} x {self.height:g}")
         require_finite("uy", self.uy)
         require_choice("solid_cells", self.solid_cells, SOLID_CELLS)
+        if not 3 <= self.polygons_across <= 64:
+            raise InputError(f"polygons_across = {self.polygons_across}: use 3 to 64")
+        if not 1 <= self.column_cells <= 64:
+            raise InputError(f"column_cells = {self.column_cells}: use 1 to 64")
         if not 1 <= self.medium_refinement <= 64:
             raise InputError(f"medium_refinement = {self.medium_refinement}: use 1 (none) to 64")
         if len(self.cells) != 2 or min(self.cells) < 1:
@@ -116,10 +123,12 @@ class CBox:
             "cells": list(self.cells),
             "medium_refinement": self.medium_refinement,
             "solid_cells": self.solid_cells,
+            "polygons_across": self.polygons_across,
             "uy": self.uy,
             "length": self.length,
             "height": self.height,
             "wall": self.wall,
+            "column_cells": self.column_cells,
             "material": {"K": self.material.K, "mu": self.material.mu},
             "medium": self.medium.as_dict(),
         }
@@ -145,14 +154,15 @@ class CBox:
         length, height, t = self.length, self.height, self.wall
         outline = [(0, 0), (length, 0), (length, t), (t, t), (t, height - t), (length, height - t), (length, height),
                    (0, height)]  # fmt: skip
-        return voronoi_mesh([Region("solid", outline)], size=POLYGON_SIZE * t)
+        return voronoi_mesh([Region("solid", outline)], size=t / self.polygons_across)
 
     def _medium(self) -> PolygonMesh:
         x, y = self._lines(self.medium_refinement)
         length, height, t = self.length, self.height, self.wall
-        column = length / self.cells[0]
+        column = length / self.cells[0] * self.column_cells
+        parts = self.column_cells * self.medium_refinement
         mesh = structured_quadrilaterals(
-            np.append(x, length + column * np.arange(1, self.medium_refinement + 1) / self.medium_refinement),
+            np.append(x, length + column * np.arange(1, parts + 1) / parts),
             y,
             [
                 Rectangle("rest", 0.0, length + column, 0.0, height),

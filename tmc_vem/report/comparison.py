@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
+from tmc_vem.errors import InputError
 from tmc_vem.fields import Fields
 from tmc_vem.report import cautions, plots, tables
+from tmc_vem.report.figures import MEDIUM
 from tmc_vem.report.page import Block, Cell, Page, Picture, Section, Table, Text, Warnings, picture
 from tmc_vem.report.panels import draw_panels
+from tmc_vem.report.richardson import Extrapolation
 from tmc_vem.report.snapshots import nearest, read_fields, snapshots
-from tmc_vem.report.tables import full_gap, number, percent, relative
+from tmc_vem.report.tables import full_energy, full_gap, number, percent, relative
 from tmc_vem.results import RunResult
 
+DIFFERENT_MEDIA = 0.1  # relative difference of the medium's energies above which a report warns
 NOT_CONVERGED = 0.02  # relative uncertainty of a mesh-converged value above which a report warns
 
 
-@dataclass(frozen=True)
-class Converged:
-    """Mesh-converged gap with its uncertainty, and the observed order of convergence if there is one."""
-
-    value: float
-    uncertainty: float
-    order: float | None
-
-    def __str__(self) -> str:
-        order = "no clear order" if self.order is None else f"order {self.order:.1f}"
-        return f"{self.value:.4e} ± {self.uncertainty:.0e} ({self.uncertainty / self.value:.1%}, {order})"
+QUANTITIES: Mapping[str, Callable[[RunResult | None], float | None]] = {"gap": full_gap, "energy": full_energy}
+QUANTITY_NOTES = {
+    "gap": "Gap at full load.",
+    "energy": "Energy of all regions at full load: a mean over the whole domain, smoother than the gap at one place.",
+}
 
 
 @dataclass(frozen=True)
@@ -36,12 +35,17 @@ class Method:
     Attributes:
         name: 'VEM' or 'FEM'.
         runs: by name of the mesh, from coarse to fine.
-        converged: from these runs, or None if three of them do not reach full load.
+        limits: mesh-converged values by name of the quantity, where the three finest meshes reach full load.
     """
 
     name: str
     runs: Mapping[str, RunResult]
-    converged: Converged | None
+    limits: Mapping[str, Extrapolation]
+
+    @property
+    def converged(self) -> Extrapolation | None:
+        """Mesh-converged gap."""
+        return self.limits.get("gap")
 
     @property
     def finest(self) -> RunResult | None:
@@ -74,11 +78,20 @@ class Comparison:
         """All runs by method and mesh."""
         return {f"{m.name} {mesh}": run for m in self.methods for mesh, run in m.runs.items()}
 
-    @property
-    def reference(self) -> Converged | None:
+    def reference(self, quantity: str = "gap") -> Extrapolation | None:
         """The mesh-converged value with the smaller uncertainty."""
-        known = [method.converged for method in self.methods if method.converged]
-        return min(known, key=lambda converged: converged.uncertainty) if known else None
+        known = [method.limits[quantity] for method in self.methods if quantity in method.limits]
+        return min(known, key=lambda limit: limit.uncertainty) if known else None
+
+    def agreed(self, quantity: str = "gap") -> bool:
+        """Whether the mesh-converged values of all methods agree within their uncertainties."""
+        known = [method.limits[quantity] for method in self.methods if quantity in method.limits]
+        spread = max((x.value for x in known), default=0.0) - min((x.value for x in known), default=0.0)
+        return spread <= sum(limit.uncertainty for limit in known)
+
+    def measure(self, method: Method, quantity: str) -> Extrapolation | None:
+        """What errors of a method are measured against: the common reference, or its own limit if they disagree."""
+        return self.reference(quantity) if self.agreed(quantity) else method.limits.get(quantity)
 
     @property
     def finest(self) -> dict[str, RunResult]:
@@ -108,7 +121,7 @@ def comparison_page(comparison: Comparison) -> Page:
                 Table("Contact in the last state, finest mesh.", ("run", "deformed solids"), contact),
             ],
         ),
-        Section("How to repeat this", tables.provenance(c.runs.values(), c.command, _shared(c))),
+        Section("How to repeat this", tables.provenance(c.runs, c.command)),
     ]
     return Page(c.title, _lead(c), sections)
 
@@ -116,10 +129,6 @@ def comparison_page(comparison: Comparison) -> Page:
 def _lead(c: Comparison) -> str:
     meshes = " and ".join(f"{method.name} on {len(method.runs)} meshes" for method in c.methods)
     return f"{meshes}. Everything on this page comes from the run directories beside it."
-
-
-def _shared(c: Comparison) -> dict[str, object]:
-    return tables.common([run.inputs for run in c.runs.values()])
 
 
 def _summary(c: Comparison) -> list[Block]:
@@ -134,25 +143,29 @@ def _summary(c: Comparison) -> list[Block]:
         rows.append([label, *shown, percent(difference), paper])
 
     reference = next((value for name, value in c.paper.items() if name.startswith("FEM")), None)
-    row("gap, finest mesh", [full_gap(run) for run in finest.values()], _paper_cell(reference))
-    row("gap, converged", [m.converged.value if m.converged else None for m in c.methods], _paper_cell(reference))
-    row("reaction, finest mesh", [run.reaction if run.complete else None for run in finest.values()])
-    regions = list(dict.fromkeys(region for run in finest.values() for region in run.min_j))
+    row("gap", [full_gap(run) for run in finest.values()], _paper_cell(reference))
+    row("gap, mesh-converged", [m.converged.value if m.converged else None for m in c.methods], _paper_cell(reference))
+    row("reaction", [run.reaction if run.complete else None for run in finest.values()])
+    regions = tables.regions_of(finest)
+    row("smallest gap in contact", [run.checks.get("smallest_gap") for run in finest.values()])
     for region in regions:
         row(f"smallest J, {region}", [run.min_j.get(region) for run in finest.values()])
     for region in regions:
         row(f"energy, {region}", [run.last.energy.get(region) if run.last else None for run in finest.values()])
-    table = Table("Full load.", ("", *names, "difference", "paper"), rows)
+    row(tables.REGULARISER, [run.checks.get("regulariser_energy") for run in finest.values()])
+    caption = "Full load, finest mesh. The energy of the medium includes that of the regulariser."
+    table = Table(caption, ("", *names, "difference", "paper"), rows)
     blocks: list[Block] = [table]
-    if c.reference:
+    converged = c.reference()
+    if converged:
         lines = [f"{m.name} {m.converged}" for m in c.methods if m.converged]
         blocks.append(Text(f"Mesh-converged gap (Richardson extrapolation from three meshes): {'; '.join(lines)}."))
     if c.paper:
         entries = [
-            [name, _paper_cell(value), percent(relative(c.reference.value if c.reference else None, value[0]))]
+            [name, _paper_cell(value), percent(relative(converged.value if converged else None, value[0]))]
             for name, value in c.paper.items()
         ]
-        blocks.append(Table("The paper's values.", ("paper", "gap", "ours, converged, relative to it"), entries))
+        blocks.append(Table("The paper's values.", ("paper", "gap", "ours, mesh-converged, relative to it"), entries))
     return blocks
 
 
@@ -166,34 +179,50 @@ def _paper_cell(value: tuple[float | None, str] | None) -> str | Cell:
 
 def _convergence(c: Comparison) -> list[Block]:
     meshes = list(dict.fromkeys(mesh for method in c.methods for mesh in method.runs))
-    reference = c.reference
-    head = ["mesh"]
-    for method in c.methods:
-        head += [f"{method.name} gap", "to converged"]
-    rows = []
-    for mesh in meshes:
-        row = [mesh]
+    blocks: list[Block] = []
+    for quantity, value_of in QUANTITIES.items():
+        head = ["mesh"]
         for method in c.methods:
-            gap = full_gap(method.runs.get(mesh))
-            row += [number(gap), percent(relative(gap, reference.value if reference else None))]
-        rows.append(row)
-    blocks: list[Block] = [Table("Gap at full load.", head, rows)]
-    if reference:
-        series = {
-            method.name: [
-                (float(run.n_dofs), run.seconds["total"], abs(gap / reference.value - 1.0))
-                for run in method.runs.values()
-                if (gap := full_gap(run)) is not None
-            ]
-            for method in c.methods
-        }
-        caption = (
-            f"Error of the gap relative to the converged value {reference}, against degrees of freedom and against "
-            "time. The rate is a least-squares fit over all meshes; errors below the uncertainty say nothing."
-        )
-        figure = plots.convergence(series, floor=reference.uncertainty / reference.value)
-        blocks.append(picture(figure, "convergence", caption))
+            head += [f"{method.name} dofs", f"{method.name} {quantity}", "to converged"]
+        rows = []
+        for mesh in meshes:
+            row = [mesh]
+            for method in c.methods:
+                run, limit = method.runs.get(mesh), c.measure(method, quantity)
+                value = value_of(run)
+                row += [str(run.n_dofs) if run else "–", number(value)]
+                row.append(percent(relative(value, limit.value if limit else None)))
+            rows.append(row)
+        blocks.append(Table(QUANTITY_NOTES[quantity], head, rows))
+        if c.reference(quantity):
+            blocks.append(_errors(c, quantity))
     return blocks
+
+
+def _errors(c: Comparison, quantity: str) -> Picture:
+    series, floors = {}, {}
+    for method in c.methods:
+        limit = c.measure(method, quantity)
+        if limit is None:
+            continue
+        floors[method.name] = limit.relative
+        series[method.name] = [
+            (float(run.n_dofs), run.seconds["total"], abs(value / limit.value - 1.0))
+            for run in method.runs.values()
+            if (value := QUANTITIES[quantity](run)) is not None
+        ]
+    if c.agreed(quantity):
+        against = f"the converged value {c.reference(quantity)}"
+    else:
+        limits = (f"{m.name} {m.limits[quantity]}" for m in c.methods if quantity in m.limits)
+        against = (
+            f"each method's own converged value, which differ by more than their uncertainties: {'; '.join(limits)}"
+        )
+    caption = (
+        f"Error of the {quantity} relative to {against}; over degrees of freedom and over time. Rates are "
+        "least-squares fits over the errors above the uncertainty of the converged value; those below say nothing."
+    )
+    return picture(plots.convergence(series, quantity, floors), f"convergence-{quantity}", caption)
 
 
 def _loading(c: Comparison) -> list[Block]:
@@ -208,15 +237,14 @@ def _states(c: Comparison) -> list[Block]:
     panels: list[tuple[str, Fields]] = []
     for load in (0.5, 1.0):
         for name, run in c.finest.items():
-            available = snapshots(run)
-            if available:
-                chosen = nearest(available, load)
+            with suppress(InputError):  # no fields, which the warnings say
+                chosen = nearest(snapshots(run), load)
                 moved = chosen.load * _full_displacement(run)
-                panels.append((f"{name}, displacement {moved:.3g}", read_fields(run, chosen)))
+                panels.append((f"{name} at {moved:.3g}", read_fields(run, chosen)))
     if not panels:
         return [Text("No fields were written.")]
-    caption = "Deformed states of the finest meshes side by side, coloured by the vertical displacement."
-    return [picture(draw_panels(panels, columns=len(c.finest)), "states", caption, inline="png")]
+    caption = "Deformed states of the finest meshes at two prescribed displacements; the colour is the vertical one."
+    return [picture(draw_panels(panels), "states", caption, inline="png")]
 
 
 def _full_displacement(run: RunResult) -> float:
@@ -227,18 +255,31 @@ def _full_displacement(run: RunResult) -> float:
 def _doubts(c: Comparison) -> list[str]:
     messages = []
     for method in c.methods:
-        converged = method.converged
-        if converged is None:
+        limit = method.converged
+        if limit is None:
             messages.append(f"{method.name}: no mesh-converged value, it takes three meshes that reach full load")
-        elif converged.uncertainty > NOT_CONVERGED * abs(converged.value):
-            messages.append(
-                f"{method.name} is not mesh-converged: the uncertainty is {converged.uncertainty / converged.value:.1%}"
-            )
-    known = [method.converged for method in c.methods if method.converged]
-    if len(known) == 2 and abs(known[0].value - known[1].value) > known[0].uncertainty + known[1].uncertainty:
-        messages.append(
-            f"the converged values of the two methods differ by {abs(known[0].value / known[1].value - 1):.2%}, more "
-            "than their uncertainties"
-        )
+        elif limit.relative > NOT_CONVERGED:
+            messages.append(f"{method.name} is not mesh-converged: the uncertainty of the gap is {limit.relative:.1%}")
+    for quantity in QUANTITIES:
+        if not c.agreed(quantity):
+            limits = "; ".join(f"{m.name} {m.limits[quantity]}" for m in c.methods if quantity in m.limits)
+            messages.append(f"the converged values of the {quantity} differ by more than their uncertainties: {limits}")
+    messages += _medium_doubts(c)
     messages += [f"suspect cell of the paper, {name}: {why}" for name, (_, why) in c.paper.items() if why]
     return messages
+
+
+def _medium_doubts(c: Comparison) -> list[str]:
+    """A difference between the media of the two methods that no finer mesh removes."""
+    media = [
+        sum(energy for name, energy in run.last.energy.items() if name.startswith(MEDIUM))
+        for run in c.finest.values()
+        if run.last
+    ]
+    penalty = [run.inputs.get("interior_penalty", "none") for run in c.finest.values()]
+    if len(media) != 2 or max(media) <= (1.0 + DIFFERENT_MEDIA) * min(media) or set(penalty) == {"none"}:
+        return []
+    return [
+        f"the energies of the medium differ by a factor {max(media) / min(media):.1f}: finite elements with interior "
+        "penalty count the jumps of the gradient between elements as curvature, virtual elements count none"
+    ]

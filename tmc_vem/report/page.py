@@ -16,7 +16,7 @@ class Cell:
     Attributes:
         text: what is shown.
         note: footnote; the same text gets the same number.
-        style: '', 'suspect', 'good' or 'bad'.
+        style: '', 'suspect', 'good', 'bad', or 'long' for text that may be wrapped.
     """
 
     text: str
@@ -42,6 +42,11 @@ class Table:
     def notes(self) -> list[str]:
         """Footnotes in the order of their numbers, from 1."""
         return list(dict.fromkeys(cell.note for row in self.cells for cell in row if cell.note))
+
+    @property
+    def wrapped(self) -> set[int]:
+        """Columns with long texts, from 0."""
+        return {n for row in self.cells for n, cell in enumerate(row) if cell.style == "long"}
 
     def number(self, cell: Cell) -> str:
         """Number of a cell's footnote, or nothing."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -12,6 +13,7 @@ from tmc_vem.results import RunResult, StepRecord
 # colours and dashes that stay apart in print and for colour-blind readers
 COLOURS = ("#0b5394", "#c55a11", "#2e7d32", "#7b1fa2", "#5d4037", "#00838f")
 MARKS = "osD^vP"
+MOST_TICKS = 7
 
 Runs = Mapping[str, RunResult]
 
@@ -25,6 +27,7 @@ def _figure(columns: int = 1, height: float = 3.6, width: float = 10.0) -> tuple
     axes = list(figure.subplots(1, columns, squeeze=False)[0])
     for one in axes:
         one.grid(True, which="both", linewidth=0.4, color="0.88")
+        one.set_axisbelow(True)
         one.spines[["top", "right"]].set_visible(False)
     return figure, axes
 
@@ -84,27 +87,37 @@ def _energy(record: StepRecord, *, medium: bool) -> float:
 
 def newton_iterations(runs: Runs) -> Any:
     """Newton iterations of each load step, those of failed attempts on top."""
-    figure, axes = _figure(max(len(runs), 1), height=2.6)
+    figure, axes = _figure(max(len(runs), 1), height=2.9)
+    failed = any(record.wasted_iterations for run in runs.values() for record in run.history)
     for one, (name, run) in zip(axes, runs.items(), strict=False):
         steps = [record.step for record in run.history]
         good = [record.iterations for record in run.history]
         one.bar(steps, good, color=COLOURS[0], label="converged step")
-        one.bar(
-            steps, [r.wasted_iterations for r in run.history], bottom=good, color=COLOURS[1], label="failed attempts"
-        )
+        if failed:
+            wasted = [record.wasted_iterations for record in run.history]
+            one.bar(steps, wasted, bottom=good, color=COLOURS[1], label="failed attempts before it")
         one.set_title(f"{name}: {run.newton_iterations} in {run.steps} steps", fontsize=9)
         one.set_xlabel("load step")
+        one.xaxis.get_major_locator().set_params(integer=True)
+        one.yaxis.get_major_locator().set_params(integer=True)
     axes[0].set_ylabel("Newton iterations")
-    axes[0].legend(fontsize=8, frameon=False)
+    if failed:
+        figure.legend(
+            *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False
+        )
     return figure
 
 
-def convergence(series: Mapping[str, Sequence[tuple[float, float, float]]], floor: float = 0.0) -> Any:
+def convergence(
+    series: Mapping[str, Sequence[tuple[float, float, float]]], quantity: str, floors: Mapping[str, float]
+) -> Any:
     """Relative error against degrees of freedom and against time, with fitted rates.
 
     Args:
         series: by name, (degrees of freedom, seconds, relative error) of each mesh.
-        floor: relative uncertainty of the reference, drawn as a line.
+        quantity: what the error is of.
+        floors: by name, relative uncertainty of what the error is measured against, drawn as a line; errors below it do
+            not count for the rate.
     """
     figure, axes = _figure(2)
     for one, column, label in zip(axes, (0, 1), ("degrees of freedom", "time of the run in s"), strict=True):
@@ -112,16 +125,38 @@ def convergence(series: Mapping[str, Sequence[tuple[float, float, float]]], floo
             usable = sorted((p[column], p[2]) for p in points if p[2] > 0.0)
             if not usable:
                 continue
-            x, error = np.transpose(usable)
-            slope = rate(x, error)
-            shown = name if slope is None else f"{name}, rate {slope:.1f}"
-            one.loglog(x, error, marker=MARKS[n % len(MARKS)], markersize=5, label=shown, **_style(n))
-        if floor > 0.0:
-            one.axhline(floor, color="0.5", linestyle=":", linewidth=1.0, label="uncertainty of the reference")
+            certain = [point for point in usable if point[1] > floors[name]]
+            slope = rate(*np.transpose(certain)) if len(certain) > 1 else None
+            shown = f"{name}, no rate" if slope is None else f"{name}, rate {slope:.1f}"
+            one.loglog(*np.transpose(usable), marker=MARKS[n % len(MARKS)], markersize=5, label=shown, **_style(n))
+        common = len(set(floors.values())) == 1
+        for n, (name, floor) in enumerate(floors.items()):
+            if floor > 0.0 and not (common and n):
+                which = "uncertainty" if common else f"uncertainty, {name}"
+                colour = "0.5" if common else COLOURS[n % len(COLOURS)]
+                one.axhline(floor, color=colour, linestyle=":", linewidth=1.0, label=which)
+        _plain_ticks(one.xaxis)
         one.set_xlabel(label)
-        one.set_ylabel("relative error of the gap")
-        one.legend(fontsize=8, frameon=False)
+        one.set_ylabel(f"relative error of the {quantity}")
+        one.legend(fontsize=8, framealpha=0.9, edgecolor="none")
     return figure
+
+
+def _plain_ticks(axis: Any) -> None:
+    """A few round numbers as they would be said, on a logarithmic axis that may be shorter than a decade."""
+    from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
+
+    low, high = axis.get_view_interval()
+    if low <= 0.0:
+        return  # nothing is drawn
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    for digits in ((1.0, 1.5, 2.0, 3.0, 5.0, 7.0), (1.0, 2.0, 5.0), (1.0,)):
+        ticks = [digit * 10.0**decade for decade in decades for digit in digits if low <= digit * 10.0**decade <= high]
+        if len(ticks) <= MOST_TICKS:
+            break
+    axis.set_major_locator(FixedLocator(ticks))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def rate(x: Sequence[float], error: Sequence[float]) -> float | None:

@@ -51,6 +51,6 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4) -> P
             Section("Deformed states", states),
             Section("Curves", curves),
             Section("Solution", [tables.effort(runs), Table("Contact.", ("run", "deformed solids"), contact)]),
-            Section("How to repeat this", tables.provenance([result], str(result.versions["command"]), result.inputs)),
+            Section("How to repeat this", tables.provenance(runs, str(result.versions["command"]))),
         ],
     )

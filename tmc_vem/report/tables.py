@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tmc_vem.report.page import Cell, Table
 from tmc_vem.results import RunResult
 
 Runs = Mapping[str, RunResult]
+REGULARISER = "energy, regulariser"
 
 
 def number(value: float | None, digits: int = 5) -> str:
@@ -36,6 +37,13 @@ def reached(result: RunResult) -> str:
 def full_gap(result: RunResult | None) -> float | None:
     """Gap at full load; None if a run did not get there."""
     return result.gap if result is not None and result.complete else None
+
+
+def full_energy(result: RunResult | None) -> float | None:
+    """Energy of all regions at full load; None if a run did not get there."""
+    if result is None or not result.complete or result.last is None:
+        return None
+    return sum(result.last.energy.values())
 
 
 def effort(runs: Runs) -> Table:
@@ -64,8 +72,9 @@ def effort(runs: Runs) -> Table:
 
 def final_state(runs: Runs) -> Table:
     """Gap, reaction, smallest J and energies at the last converged step."""
-    regions = list(dict.fromkeys(name for run in runs.values() for name in run.min_j))
-    head = ["run", "gap", "reaction", *(f"smallest J, {r}" for r in regions), *(f"energy, {r}" for r in regions)]
+    regions = regions_of(runs)
+    head = ["run", "gap", "reaction", *(f"smallest J, {r}" for r in regions), *(f"energy, {r}" for r in regions),
+            REGULARISER]  # fmt: skip
     rows = []
     for name, run in runs.items():
         energies = run.last.energy if run.last else {}
@@ -76,26 +85,47 @@ def final_state(runs: Runs) -> Table:
                 number(run.reaction),
                 *(number(run.min_j.get(region), 3) for region in regions),
                 *(number(energies.get(region), 4) for region in regions),
+                number(run.checks.get("regulariser_energy"), 4),
             ]
         )
-    return Table("State at the last converged step.", head, rows)
+    return Table("State at the last converged step. The medium's energy includes the regulariser's.", head, rows)
 
 
-def provenance(runs: Iterable[RunResult], command: str, parameters: Mapping[str, Any]) -> list[Table]:
-    """What was run: parameters, versions, machine; all that is needed to repeat it."""
-    runs = list(runs)
+def regions_of(runs: Runs) -> list[str]:
+    """Names of all regions of some runs."""
+    return list(dict.fromkeys(name for run in runs.values() for name in run.min_j))
+
+
+def provenance(runs: Runs, command: str) -> list[Table]:
+    """What was run: parameters that all runs share, those in which they differ, versions, machine and times; all that
+    is needed to repeat it."""
+    names, values = differing(runs)
+    shared = common([run.inputs for run in runs.values()])
+    rows: list[list[str | Cell]] = [
+        [
+            label,
+            Cell(", ".join(f"{n} {v}" for n, v in zip(names, values[label], strict=True) if v != "–"), style="long"),
+            f"{run.seconds['total']:.1f}",
+            run.directory.name if run.directory else "–",
+        ]
+        for label, run in runs.items()
+    ]
     versions: dict[str, list[str]] = {}
-    for run in runs:
+    for run in runs.values():
         for name, value in run.versions.items():
             if name != "command":
                 known = versions.setdefault(name, [])
                 if str(value) not in known:
                     known.append(str(value))
-    seconds = sum(run.seconds["total"] for run in runs)
+    seconds = sum(run.seconds["total"] for run in runs.values())
+    tables = [Table("Runs, and what they differ in.", ("run", "inputs", "time (s)", "run directory"), rows)]
+    if shared:
+        title = "Parameters of all runs." if len(runs) > 1 else "Parameters."
+        tables.append(Table(title, ("parameter", "value"), [[name, text] for name, text in flat(shared)]))
     return [
-        Table("Parameters", ("parameter", "value"), [[name, text] for name, text in flat(parameters)]),
+        *tables,
         Table(
-            "Versions and machine",
+            "Versions and machine.",
             ("what", "value"),
             [
                 ["command", command],
@@ -115,6 +145,14 @@ def flat(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
         else:
             lines.append((prefix + name, f"{value:g}" if isinstance(value, float) else str(value)))
     return lines
+
+
+def differing(runs: Runs) -> tuple[list[str], dict[str, list[str]]]:
+    """Names of the inputs in which runs differ, and their values by run; '–' where a run does not have one."""
+    inputs = {name: dict(flat(run.inputs)) for name, run in runs.items()}
+    names = list(dict.fromkeys(key for values in inputs.values() for key in values))
+    chosen = [key for key in names if len({values.get(key) for values in inputs.values()}) > 1]
+    return chosen, {name: [values.get(key, "–") for key in chosen] for name, values in inputs.items()}
 
 
 def common(inputs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

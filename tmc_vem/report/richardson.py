@@ -27,24 +27,29 @@ class Extrapolation:
     uncertainty: float
 
     def __str__(self) -> str:
-        order = "no order" if self.order is None else f"order {self.order:.2f}"
-        relative = abs(self.uncertainty / self.value) * 100.0 if self.value else math.inf
-        return f"{self.value:.4e} +- {self.uncertainty:.1e} ({relative:.2g} %, {order})"
+        order = "no clear order" if self.order is None else f"order {self.order:.1f}"
+        return f"{self.value:.4e} ± {self.uncertainty:.0e} ({self.relative:.1%}, {order})"
+
+    @property
+    def relative(self) -> float:
+        """Uncertainty relative to the value."""
+        return abs(self.uncertainty / self.value) if self.value else math.inf
 
 
-def extrapolate(sizes: Sequence[float], values: Sequence[float], highest_order: float = 4.0) -> Extrapolation:
+def extrapolate(sizes: Sequence[float], values: Sequence[float], highest_order: float = 4.5) -> Extrapolation:
     """Richardson extrapolation with the observed order from three meshes.
 
     With ``f(h) = f0 + C h^p`` on three meshes, p solves ``(f1 - f2) / (f2 - f3) = (h1^p - h2^p) / (h2^p - h3^p)``, and
     f0 follows. The uncertainty is Roache's grid convergence index: 1.25 times the distance of the finest value from f0.
     Where no model fits, the finest value is returned. If the values oscillate with shrinking changes, the limit is
     expected within the larger change; if they diverge or converge slower than with order 1/2, within three times that.
+    An order that is too high to be believed is chance: the limit is expected within three times the last change.
 
     Args:
         sizes: decreasing mesh sizes.
         values: result on each mesh.
-        highest_order: the best order to believe in; a higher one is taken for chance and replaced by it. Functionals of
-            quadratic elements converge with order 4 at most.
+        highest_order: the best order to believe in. Functionals of quadratic elements converge with order 4 at most;
+            the default leaves room for scatter.
 
     Raises:
         InputError: there are not three of each, or the sizes do not decrease.
@@ -62,8 +67,9 @@ def extrapolate(sizes: Sequence[float], values: Sequence[float], highest_order: 
     if order is None:
         factor = 1.0 if ratio < -1.0 else CAUTION
         return Extrapolation(f3, None, factor * max(abs(f1 - f2), abs(f2 - f3)))
-    trusted = min(order, highest_order)
-    distance = (f2 - f3) / ((h2 / h3) ** trusted - 1.0)
+    if order > highest_order:
+        return Extrapolation(f3, None, CAUTION * abs(f2 - f3))
+    distance = (f2 - f3) / ((h2 / h3) ** order - 1.0)
     return Extrapolation(f3 - distance, order, SAFETY * abs(distance))
 
 
