@@ -1,14 +1,17 @@
 #!/usr/bin/env bash
 # Set up everything the project needs on Debian 12: the missing system packages, then .venv.
-# Idempotent: what is already there is left alone.
+# Idempotent: what is already there is left alone. With --test also a browser, in which reports are tested.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+
+lists=(scripts/debian-packages.txt)
+[ "${1:-}" != --test ] || lists+=(scripts/debian-packages-test.txt)
 
 missing=()
 while read -r package; do
   [ -n "$package" ] || continue
   dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null | grep -qx installed || missing+=("$package")
-done < scripts/debian-packages.txt
+done < <(cat "${lists[@]}")
 
 if [ "${#missing[@]}" -gt 0 ]; then
   install="apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends ${missing[*]}"
