@@ -63,7 +63,7 @@ class StateFigure:
                 moved = chosen.load * (run.last.displacement / run.last.load if run.last else 0.0)
                 title = f"{label}, $u_y$ = {moved:.3g}" if len(problems) > 1 else f"$u_y$ = {moved:.3g}"
                 panels.append((title, read_fields(run, chosen)))
-        blocks: list[Block] = [Text(self.note), Warnings([*cautions.of_runs(runs), *overlaps])]
+        blocks: list[Block] = [Text(self.note), *([Warnings(overlaps)] if overlaps else [])]
         if panels:
             figure = draw_panels(panels)
             blocks.insert(0, picture(figure, f"fig{self.number}", self.caption, inline="png"))
