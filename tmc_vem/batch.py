@@ -27,6 +27,7 @@ from typing import IO, Any
 
 from tmc_vem.batch_worker import MARK
 from tmc_vem.errors import InputError
+from tmc_vem.lock import DirectoryLock
 from tmc_vem.problems.base import Problem
 from tmc_vem.results import RESULT, RunResult
 from tmc_vem.simulation import RunOptions, run_inputs
@@ -145,6 +146,18 @@ def _locked(directory: Path) -> Iterator[None]:
         yield
 
 
+def _clear(path: Path) -> None:
+    """Remove what a batch that was killed has left.
+
+    Raises:
+        InputError: a run that does not belong to a batch is at work there.
+    """
+    if path.exists():
+        lock = DirectoryLock(path)
+        shutil.rmtree(path)
+        lock.release()
+
+
 @dataclass
 class _Worker:
     job: Job
@@ -174,7 +187,10 @@ class _Pool:
         try:
             while waiting or self.running:
                 while waiting and len(self.running) < self.processes:
-                    self.running.append(self._start(waiting.pop(0)))
+                    worker = self._start(waiting.pop(0))
+                    self.running += [worker] if worker else []
+                if not self.running:
+                    break
                 worker, message = self.events.get()
                 if message is None:
                     self._collect(worker)
@@ -189,10 +205,14 @@ class _Pool:
                 worker.process.wait()
                 worker.log.close()
 
-    def _start(self, job: Job) -> _Worker:
+    def _start(self, job: Job) -> _Worker | None:
+        """Start the process of a job; None if its directory is in use."""
         path = self.directory / job.name
-        if path.exists():
-            shutil.rmtree(path)  # left over from a batch that was killed
+        try:
+            _clear(path)
+        except InputError as error:
+            self._finish(Outcome(job, None, str(error)))
+            return None
         # a user's Ctrl-C must reach this process only, which then stops its workers
         environment = {**os.environ, "OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", "1")}
         log = tempfile.TemporaryFile()  # noqa: SIM115 (open as long as the process)
@@ -229,8 +249,11 @@ class _Pool:
         else:
             outcome = Outcome(worker.job, outcome.result)
         worker.log.close()
-        self.done[worker.job.name] = outcome
-        self.finished_cost += worker.job.cost
+        self._finish(outcome)
+
+    def _finish(self, outcome: Outcome) -> None:
+        self.done[outcome.job.name] = outcome
+        self.finished_cost += outcome.job.cost
         self.observer.finished(outcome, len(self.done), self._seconds_left())
 
     def _fraction(self) -> float:

@@ -15,6 +15,7 @@ from helpers_process import clean_environment
 
 from tmc_vem.batch import LOCK, Job, Observer, Outcome, run_batch
 from tmc_vem.errors import InputError
+from tmc_vem.lock import DirectoryLock
 from tmc_vem.problems import Box, Medium
 from tmc_vem.simulation import RunOptions
 
@@ -96,6 +97,20 @@ def test_two_batches_do_not_share_a_directory(tmp_path: Path) -> None:
         fcntl.flock(held, fcntl.LOCK_EX)
         with pytest.raises(InputError, match="another tmc-vem is at work"):
             run_batch([job()], tmp_path)
+
+
+def test_a_directory_in_use_by_a_single_run_is_left_alone(tmp_path: Path) -> None:
+    used = tmp_path / job(-0.01).name
+    used.mkdir()
+    (used / "history.csv").write_text("step,load\n")
+    lock = DirectoryLock(used)
+    outcomes = run_batch([job(-0.01), job(-0.02)], tmp_path)
+    lock.release()
+    assert outcomes[0].result is None
+    assert "is in use by process" in outcomes[0].error
+    assert (used / "history.csv").exists()
+    assert outcomes[1].result is not None
+    assert run_batch([job(-0.01)], tmp_path)[0].result is not None
 
 
 def test_bad_input(tmp_path: Path) -> None:

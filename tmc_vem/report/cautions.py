@@ -1,4 +1,4 @@
-"""What a reader must be warned about: runs that stopped, solids that overlap, jumps, instability, mixed versions."""
+"""What a reader must be warned about: runs that stopped or warn themselves, solids that overlap, mixed versions."""
 
 from __future__ import annotations
 
@@ -14,17 +14,15 @@ ROUNDING = 1e-6  # of the domain's size: overlaps below this are not worth a war
 
 
 def of_runs(runs: Mapping[str, RunResult]) -> list[str]:
-    """Warnings from the results alone."""
-    messages = []
+    """Warnings from the results alone; the same sentence about several runs is said once."""
+    said: dict[str, list[str]] = {}
     for name, run in runs.items():
+        found = list(run.warnings)
         if not run.complete:
-            messages.append(f"{name} {reached(run)} of the load: {run.reason}")
-        jumps = [record for record in run.history if record.jumped]
-        if jumps:
-            at = ", ".join(f"{record.displacement:g}" for record in jumps)
-            messages.append(f"{name} jumped to another equilibrium branch at displacement {at}")
-        if run.last and run.last.negative_pivots:
-            messages.append(f"{name} ends in an unstable state: {run.last.negative_pivots} negative pivots")
+            found.insert(0, f"{reached(run)} of the load: {run.reason}")
+        for sentence in found:
+            said.setdefault(sentence, []).append(name)
+    messages = [f"{', '.join(names)}: {sentence}" for sentence, names in said.items()]
     return messages + _mixed(runs.values())
 
 
@@ -46,6 +44,7 @@ def of_contact(runs: Mapping[str, RunResult]) -> tuple[list[list[str]], list[str
             continue
         contact = check_contact(fields, order=int(run.inputs.get("order", 2)))
         rows.append([name, contact.summary()])
-        if contact.penetration_depth > ROUNDING or contact.overlap_area > ROUNDING:
+        told = any(contact.summary() in sentence for sentence in run.warnings)
+        if not told and (contact.penetration_depth > ROUNDING or contact.overlap_area > ROUNDING):
             messages.append(f"{name}: {contact.summary()}")
     return rows, messages
