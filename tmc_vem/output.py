@@ -79,7 +79,12 @@ class SnapshotWriter:
 
     def offer(self, step: int, load: float, u: Any) -> None:
         """Write this step if one of the selected loads has been reached; called on all ranks."""
-        if not self._pending or load < self._pending[0] - 1e-9:
+        if self._pending and load >= self._pending[0] - 1e-9:
+            self.write(step, load, u)
+
+    def write(self, step: int, load: float, u: Any) -> None:
+        """Write this step unless it is there already; called on all ranks."""
+        if self.entries and load <= self.entries[-1][0]:
             return
         self._pending = [wanted for wanted in self._pending if wanted > load + 1e-9]
         comm = self.source.comm

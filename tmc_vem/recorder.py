@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -22,7 +22,6 @@ from tmc_vem.problems.base import Problem
 from tmc_vem.provenance import versions
 from tmc_vem.report.contact import check_contact
 from tmc_vem.results import PICTURE, RunDirectory, RunResult, StepRecord
-from tmc_vem.solve.path import ControlPath
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import Position, Step, SteppingResult
 from tmc_vem.timing import Timer
@@ -38,8 +37,7 @@ class Recorder:
         system: its discretisation.
         inputs: parameters of problem and method, for result.json and to recognise a checkpoint.
         directory: where to write, or None.
-        path: what is controlled.
-        snapshots: number of load steps that are written as fields, besides those that the path must hit.
+        times: coordinates along the load path at which fields are written; the last state always is, if there are any.
         checkpoint_every: converged steps between checkpoints; 0 for none.
         monitor: hears about steps.
         timer: phases of the run.
@@ -47,7 +45,7 @@ class Recorder:
 
     def __init__(
         self, problem: Problem, system: Any, inputs: Mapping[str, Any], directory: RunDirectory | None,
-        path: ControlPath, snapshots: int, checkpoint_every: int, monitor: Monitor, timer: Timer,
+        times: Sequence[float], checkpoint_every: int, monitor: Monitor, timer: Timer,
     ) -> None:  # fmt: skip
         self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
         self.monitor, self.timer = monitor, timer
@@ -62,8 +60,7 @@ class Recorder:
         if self._gap is not None:
             self._gap_points = system.point_coordinates((self._gap.first, self._gap.second))
         self._snapshots: SnapshotWriter | None = None
-        if directory is not None and snapshots:
-            times = {path.end * (n + 1) / snapshots for n in range(snapshots)} | set(path.stops)
+        if directory is not None and times:
             self._snapshots = SnapshotWriter(system, directory.path, tuple(times))
 
     def record(self, step: Step, states: States, position: Position, residual: Any) -> None:
@@ -131,6 +128,9 @@ class Recorder:
             residual: work vector, overwritten.
         """
         with self.timer("output"):
+            if self._snapshots is not None and self.history and self.directory is not None:
+                with _reported(self.directory.path):
+                    self._snapshots.write(self.history[-1].step, self.history[-1].coordinate, u)
             self.system.residual(u, residual)
             imbalance = self._imbalance(residual)
             share = self.system.cell_energies(u).sum() - self.system.cell_energies(u, without="alpha_r").sum()

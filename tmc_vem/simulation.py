@@ -19,6 +19,8 @@ from tmc_vem.validation import check_fields, require_choice, require_finite, req
 from tmc_vem.vem.element import ElementSettings
 
 METHODS = ("vem", "fem")
+# How long a branch may be, in units of the load, with fields written along all of it.
+LONGEST_BRANCH = 10
 CONTINUED = ("gamma", "alpha_r")
 
 
@@ -36,6 +38,8 @@ class RunOptions:
         output_loads: load factors to hit exactly and write, besides those of the path.
         continuation: values of the medium's gamma or alpha_r that the first leg of the path is gone with; at its end
             they are brought to those of the problem step by step, and the rest of the path follows.
+        follow: follow the equilibrium branch through limit points by its length, the load going back there, instead of
+            jumping to another branch.
         max_iterations: Newton iterations after which the run ends, or None; failed attempts count.
         max_seconds: wall time after which the run ends, or None.
         snapshots: load steps that are written as VTU files, evenly spread over the load.
@@ -51,6 +55,7 @@ class RunOptions:
     path: tuple[float, ...] = (0.0, 1.0)
     output_loads: tuple[float, ...] = ()
     continuation: Mapping[str, float] = field(default_factory=dict)
+    follow: bool = False
     max_iterations: int | None = None
     max_seconds: float | None = None
     snapshots: int = 10
@@ -73,6 +78,9 @@ class RunOptions:
         require_known(self.continuation, CONTINUED, "continuation")
         for name, value in self.continuation.items():
             require_positive(f"continuation from {name}", value, "it is where the parameter starts from")
+        for name in ("path", "output_loads", "continuation", "steps"):
+            if self.follow and getattr(self, name) != getattr(RunOptions(), name):
+                raise InputError(f"follow does not go with {name}: the load is not prescribed along the branch")
         for name in ("max_iterations", "max_seconds"):
             if getattr(self, name) is not None:
                 require_positive(name, getattr(self, name), "or leave it out for no limit")
@@ -113,6 +121,7 @@ def run(
     from tmc_vem.interrupt import stop_requests
     from tmc_vem.lock import DirectoryLock
     from tmc_vem.recorder import Recorder
+    from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
     from tmc_vem.solve.budget import Budget
     from tmc_vem.solve.newton import NewtonSolver
     from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
@@ -147,7 +156,7 @@ def run(
                 directory.start(command)
             comm.barrier()
             recorder = Recorder(
-                problem, system, run_inputs(problem, options), directory, path, options.snapshots,
+                problem, system, run_inputs(problem, options), directory, _snapshot_times(path, options),
                 options.checkpoint_every, monitor, timer,
             )  # fmt: skip
             if directory is not None and lock is not None and not lock.held:
@@ -170,7 +179,12 @@ def run(
                 recorder.record(step, states, at, solver.residual)
 
             solver.on_iteration = on_iteration
-            stepper = LoadStepper(solver, stepping, on_step, path, _gamma(problem))
+            stepper: LoadStepper | ArcLengthStepper
+            if options.follow:
+                arc = ArcOptions(largest=options.largest_step, first=min(ArcOptions.first, options.largest_step))
+                stepper = ArcLengthStepper(solver, arc, on_step)
+            else:
+                stepper = LoadStepper(solver, stepping, on_step, path, _gamma(problem))
             try:
                 outcome = stepper.run(u, states, position)
             except TmcError:
@@ -203,6 +217,14 @@ def control_path(problem: Problem, options: RunOptions) -> ControlPath:
     begin = {name: options.continuation[name] for name in end}
     corners = [Control(first, begin), Control(second, begin), Control(second, end), *(Control(x, end) for x in rest)]
     return ControlPath(corners, options.output_loads)
+
+
+def _snapshot_times(path: ControlPath, options: RunOptions) -> list[float]:
+    """Where fields are written: evenly along the path, and where it must be hit exactly."""
+    if not options.snapshots:
+        return []
+    pieces = options.snapshots * (LONGEST_BRANCH if options.follow else 1)
+    return sorted({path.end * (n + 1) / options.snapshots for n in range(pieces)} | set(path.stops))
 
 
 def _gamma(problem: Problem) -> dict[str, float]:
@@ -265,4 +287,5 @@ def _method_inputs(options: RunOptions) -> Mapping[str, Any]:
         **({} if options.path == RunOptions.path else {"load_path": list(options.path)}),
         **({"output_loads": list(options.output_loads)} if options.output_loads else {}),
         **({"continuation": dict(options.continuation)} if options.continuation else {}),
+        **({"follow": True} if options.follow else {}),
     }

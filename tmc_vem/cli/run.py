@@ -75,6 +75,10 @@ def method_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="Load with this gamma or alpha_r, then bring it to the wanted value at full load. For small gamma, "
             "e.g. --gamma 1e-8 --continuation gamma=1e-4. May be given for both.",
         ),
+        click.option(
+            "--follow", is_flag=True,
+            help="Follow the branch through limit points, where the load goes back, instead of jumping to another.",
+        ),
         click.option("--max-iterations", type=int, help="Stop after this many Newton iterations; resume goes on."),
         click.option("--max-seconds", type=float, help="Stop after this wall time; resume goes on."),
         click.option(
@@ -248,6 +252,7 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
         path=parse_path(options["path"]),
         output_loads=options["output_loads"],
         continuation=parse_parameters(options["continuation"], "--continuation"),
+        follow=options["follow"],
         max_iterations=options["max_iterations"],
         max_seconds=options["max_seconds"],
         snapshots=options["snapshots"],

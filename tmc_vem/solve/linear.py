@@ -37,6 +37,11 @@ class LinearSolver:
         self.ksp.solve(rhs, out)
         return self.ksp.getConvergedReason() > 0 and math.isfinite(out.norm())
 
+    def solve_again(self, rhs: Any, out: Any) -> bool:
+        """Solve with the last factorisation; whether it worked."""
+        self.ksp.solve(rhs, out)
+        return self.ksp.getConvergedReason() > 0 and math.isfinite(out.norm())
+
     def negative_pivots(self) -> int | None:
         """Negative eigenvalues of the last factorised matrix, or None if the solver cannot tell."""
         pc = self.ksp.getPC()

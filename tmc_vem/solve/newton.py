@@ -180,11 +180,48 @@ class NewtonSolver:
             correction = self._direction.norm(3) / self.system.size  # 3 is PETSc's infinity norm
             step, evaluation = self._line_search(u, evaluation, expand=minimise and bool(pivots))
             iterations.append(Iteration(residual / reference if reference else 0.0, correction, step))
-            self.iterations_done += 1
-            if self.on_iteration:
-                self.on_iteration(iterations[-1])
+            self.count(iterations[-1])
             if step == 0.0:
                 return NewtonResult(False, "the line search found no decrease", evaluation, tuple(iterations), pivots)
+
+    def count(self, iteration: Iteration) -> None:
+        """An iteration is done: tell who wants to know."""
+        self.iterations_done += 1
+        if self.on_iteration:
+            self.on_iteration(iteration)
+
+    def evaluate(self, u: Any) -> tuple[Evaluation, float, float]:
+        """Potential at ``u``, and the norms of the residual at free entries and at all."""
+        return (self._evaluate(u), *self._norms())
+
+    def per_load(self, u: Any, out: Any) -> tuple[bool, int | None]:
+        """Change of the equilibrium state at ``u`` per load factor, into ``out``.
+
+        The prescribed displacements are proportional to the load, so those of load factor 1 are its constrained part.
+
+        Returns:
+            Whether it worked, and the negative pivots of the tangent.
+        """
+        out.set(0.0)
+        out.getArray()[self._constrained] = self.system.prescribed(1.0)
+        with self.timer("assembly"):
+            self.system.jacobian(u, self._matrix)
+            self.system.tangent_action(out, self._rhs)
+        self._rhs.scale(-1.0)
+        self._clear_constrained(self._rhs)
+        with self.timer("linear solve"):
+            solved = self._linear.solve(self._rhs, self._direction)
+            pivots = self._linear.negative_pivots()
+        out.axpy(1.0, self._direction)
+        return solved, pivots
+
+    def correction(self, out: Any) -> bool:
+        """Newton's correction for ``self.residual`` with the tangent that :meth:`per_load` has factorised."""
+        self.residual.copy(self._rhs)
+        self._rhs.scale(-1.0)
+        self._clear_constrained(self._rhs)
+        with self.timer("linear solve"):
+            return self._linear.solve_again(self._rhs, out)
 
     def _descent_direction(self, stable: bool) -> tuple[bool, int | None]:
         """Solve for the direction; where the tangent is indefinite, shift it until the direction descends.

@@ -14,6 +14,9 @@ from tmc_vem.solve.states import ORDER, States
 
 DONE = 1e-12
 JUMP = 100.0  # way over which a new branch is looked for where the old one ends, in units of the smallest step
+# A state farther from the predicted one than this, in units of the predicted increment and of the domain's size, is on
+# another branch: Newton's method has found it without being asked to.
+FAR, FAR_AT_LEAST = 3.0, 1e-3
 DETOURS = (10.0, 100.0)  # by how much gamma is raised to get past a load where the branch ends
 
 
@@ -140,11 +143,12 @@ class LoadStepper:
         if states is None or position is None:
             states, position = self.start(u)
         trial = u.duplicate()
-        cut_backs, done = 0, self.solver.iterations_done
+        cut_backs, done, self._far = 0, self.solver.iterations_done, False
         try:
             while position.time < self.path.end - DONE:
-                target, jumped = self._target(position), False
+                target, self._far = self._target(position), False
                 result = self._attempt(u, states, trial, position.time, target)
+                jumped = self._far
                 if not result.converged:
                     cut_backs += 1
                     position = replace(position, size=0.5 * (target - position.time))
@@ -183,16 +187,28 @@ class LoadStepper:
         load = self._control(target)
         if self._extrapolate(u, states, trial, target):
             self.solver.set_prescribed(trial, load)
-            result = self.solver.solve(trial)
+            result = self._solve(u, trial)
             if result.converged:
                 return result
         if self.solver.predict(u, load, trial):
-            return self.solver.solve(trial)
+            return self._solve(u, trial)
         if load == self.path.at(now).load:  # parameters change, and the old state is admissible still
             u.copy(trial)
             return self.solver.solve(trial)
         evaluation = self.solver.system.energy(u)
         return NewtonResult(False, f"the predictor inverts the mesh ({evaluation.worst})", evaluation)
+
+    def _solve(self, u: Any, trial: Any) -> NewtonResult:
+        """Find equilibrium from a predicted state, and remember whether it is far from there: on another branch."""
+        predicted, increment = trial.copy(), trial.copy()
+        increment.axpy(-1.0, u)
+        expected = increment.norm(3)
+        result = self.solver.solve(trial)
+        increment.waxpy(-1.0, predicted, trial)
+        self._far = increment.norm(3) > max(FAR * expected, FAR_AT_LEAST * self.solver.system.size)
+        predicted.destroy()
+        increment.destroy()
+        return result
 
     def _extrapolate(self, u: Any, states: States, trial: Any, target: float) -> bool:
         """Extrapolate with the highest order that keeps J > 0, into ``trial``; whether there is one."""
@@ -226,6 +242,8 @@ class LoadStepper:
             before, after = ({**self.soften, **control.parameters} for control in (here, there))
             stiff = {name: factor * value for name, value in before.items()}
             corners = [Control(here.load, before), Control(here.load, stiff), Control(there.load, stiff)]
+            if here.load == there.load:  # it is a parameter that changes
+                del corners[-1]
             path = ControlPath([*corners, Control(there.load, after)])
             last: list[NewtonResult] = []
             options = replace(self.options, steps=None, smallest=min(1e-3, self.options.first))

@@ -1,0 +1,209 @@
+"""A branch with limit points is followed through them: a truss with a known curve, and an arch under a soft pad."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers_system import make_system, region
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from tmc_vem.constraints import Prescribed
+from tmc_vem.mesh import PolygonMesh
+from tmc_vem.mesh.parts import submesh, with_names
+from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
+from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
+from tmc_vem.solve.newton import NewtonSolver
+from tmc_vem.solve.protocol import Evaluation, RegionValues
+from tmc_vem.solve.states import States
+from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
+
+Float = NDArray[np.float64]
+
+
+class Truss:
+    """A shallow truss of two bars, rise 1, pushed at its top through a spring; degrees of freedom: top, spring's end.
+
+    Energy a/2 (v^2/2 - v)^2 + k/2 (d - v)^2; equilibrium a (v^2/2 - v) (v - 1) = k (d - v), d prescribed.
+    """
+
+    a, k, depth = 1.0, 0.2, 3.0
+
+    def __init__(self) -> None:
+        self.comm, self.size = MPI.COMM_SELF, 1.0
+        self._K = np.zeros((2, 2))
+
+    def create_vector(self) -> Any:
+        vector = PETSc.Vec().createSeq(2, comm=self.comm)
+        vector.set(0.0)
+        return vector
+
+    def create_matrix(self) -> Any:
+        matrix = PETSc.Mat().createAIJ([2, 2], nnz=2, comm=self.comm)
+        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        return matrix
+
+    def constrained(self) -> NDArray[np.int32]:
+        return np.array([1], dtype=np.int32)
+
+    def prescribed(self, load: float) -> Float:
+        return np.array([self.depth * load])
+
+    def set_parameters(self, values: Mapping[str, float]) -> None:
+        pass
+
+    def energy(self, u: Any) -> Evaluation:
+        v, d = u.getArray(readonly=True)
+        energy = self.a / 2 * (v**2 / 2 - v) ** 2 + self.k / 2 * (d - v) ** 2
+        return Evaluation(energy, {"truss": RegionValues(energy, 1.0)}, "J = 1")
+
+    def residual(self, u: Any, out: Any) -> Evaluation:
+        v, d = u.getArray(readonly=True)
+        out.getArray()[:] = [self.a * (v**2 / 2 - v) * (v - 1) - self.k * (d - v), self.k * (d - v)]
+        return self.energy(u)
+
+    def jacobian(self, u: Any, out: Any) -> None:
+        v, _ = u.getArray(readonly=True)
+        stiffness = self.a * ((v - 1) ** 2 + (v**2 / 2 - v)) + self.k
+        self._K = np.array([[stiffness, -self.k], [-self.k, self.k]])
+        for i, row in enumerate([[stiffness, 0.0], [0.0, 1.0]]):
+            for j, value in enumerate(row):
+                out.setValue(i, j, value)
+        out.assemble()
+
+    def tangent_action(self, du: Any, out: Any) -> None:
+        out.getArray()[:] = self._K @ du.getArray(readonly=True)
+
+    def max_step(self, u: Any, du: Any) -> float:
+        return float("inf")
+
+    def point_displacements(self, u: Any, names: Sequence[str]) -> Float:
+        return np.zeros((len(names), 2))
+
+    def reaction(self, residual: Any, where: str, component: int) -> float:
+        return float(residual.getArray(readonly=True)[1])
+
+    def load_at(self, v: Float) -> Float:
+        """Load factor in equilibrium with the top moved by v."""
+        return (v + self.a * (v**2 / 2 - v) * (v - 1) / self.k) / self.depth
+
+
+def follow(system: Any, **options: Any) -> tuple[Any, list[Any], list[Float]]:
+    steps: list[Any] = []
+    found: list[Float] = []
+
+    def keep(step: Any, states: Any, _: Any) -> None:
+        steps.append(step)
+        found.append(states.vectors[-1].getArray(readonly=True).copy())
+
+    stepper = ArcLengthStepper(NewtonSolver(system), ArcOptions(**options), keep)
+    return stepper.run(system.create_vector()), steps, found
+
+
+def test_the_truss_is_followed_on_its_curve() -> None:
+    truss = Truss()
+    limits = truss.load_at(np.linspace(0.0, 2.5, 2001))
+    turning = np.flatnonzero(np.diff(np.sign(np.diff(limits)))) + 1
+    assert len(turning) == 2  # it snaps back
+    highest, lowest = limits[turning]
+    result, steps, found = follow(truss, largest=0.05)
+    assert result.complete, result.reason
+    tops = np.array([state[0] for state in found])
+    loads = np.array([step.load for step in steps])
+    assert loads == pytest.approx(truss.load_at(tops), abs=1e-9)
+    assert np.diff(tops).min() > 0.0  # never back on the way it came
+    assert loads[:-1].max() < 1.0
+    assert loads[-1] == 1.0
+    between = (tops > 0.5) & (tops < 1.6)
+    assert loads[between].max() == pytest.approx(highest, abs=0.02)
+    assert loads[between].min() == pytest.approx(lowest, abs=0.02)
+    unstable = [step.newton.negative_pivots for step in steps]
+    assert {n for n, load in zip(unstable, np.gradient(loads), strict=True) if load < -1e-3} == {1}
+    assert unstable[0] == 0
+    assert unstable[-1] == 0
+    times = [step.time for step in steps]
+    assert times == sorted(times)
+
+
+def test_following_goes_on_from_where_it_stopped() -> None:
+    whole = follow(Truss(), largest=0.1)[1]
+    kept: list[Any] = []
+
+    def keep(step: Any, states: Any, position: Any) -> None:
+        if step.number == 7:
+            kept.extend([states.vectors[-1].copy(), [v.copy() for v in states.vectors], states.controls[:], position])
+
+    truss = Truss()
+    ArcLengthStepper(NewtonSolver(truss), ArcOptions(largest=0.1), keep).run(truss.create_vector())
+    u, vectors, controls, position = kept
+    states = States(u)
+    for control, vector in zip(controls, vectors, strict=True):
+        states.append(control, vector)
+    steps: list[Any] = []
+    again = ArcLengthStepper(NewtonSolver(truss), ArcOptions(largest=0.1), lambda step, *_: steps.append(step))
+    assert again.run(u, states, position).complete
+    assert [step.load for step in steps] == pytest.approx([step.load for step in whole[7:]], rel=1e-12)
+
+
+def test_a_branch_that_does_not_reach_the_load_ends() -> None:
+    result, steps, _ = follow(Truss(), largest=0.01, max_steps=20)
+    assert not result.complete
+    assert len(steps) == 20
+    assert "followed for 20 steps" in result.reason
+
+
+def arch_system() -> Any:
+    """Half of a shallow arch, its end clamped, under a soft pad on its crown; x = 0 is the axis of symmetry."""
+    x, y, rise = np.linspace(0.0, 1.0, 17), np.array([0.0, 0.02, 0.12, 0.22]), 0.06
+    parts = [
+        Rectangle("arch", 0.0, 1.0, 0.0, y[1]),
+        Rectangle("pad", 0.0, x[2], y[1], y[-1]),
+        Rectangle("outside", x[2], 1.0, y[1], y[-1]),
+    ]
+    flat = structured_quadrilaterals(x, y, parts)
+    flat = submesh(flat, flat.region_c != flat.region_names.index("outside"))
+    lines = {
+        "clamp": ((1.0, 0.0), (1.0, y[1])),
+        "axis": ((0.0, 0.0), (0.0, y[-1])),
+        "load": ((0.0, y[-1]), (x[2], y[-1])),
+    }
+    named = with_names(flat, {"crown": (0.0, y[1])}, lines)
+    X, Y = named.points_vx.T
+    mesh = PolygonMesh(
+        np.column_stack([X, Y + rise * (1.0 + np.cos(np.pi * X)) / 2]), named.cell_offsets, named.cell_vertices,
+        named.region_c, named.region_names, named_points=named.named_points, named_edges=named.named_edges,
+    )  # fmt: skip
+    energies = {"arch": region("solid", K=20.0, mu=10.0), "pad": region("solid", K=5e-4, mu=2e-4)}
+    held = [Prescribed("clamp", 0), Prescribed("clamp", 1), Prescribed("axis", 0), Prescribed("load", 1, -0.24)]
+    return make_system(mesh, energies, held)
+
+
+def test_an_arch_snaps_through_and_is_followed_back() -> None:
+    system = arch_system()
+    crown: list[float] = []
+    steps: list[Any] = []
+
+    def keep(step: Any, states: Any, _: Any) -> None:
+        steps.append(step)
+        crown.append(float(system.point_displacements(states.vectors[-1], ["crown"])[0, 1]))
+
+    result = ArcLengthStepper(NewtonSolver(system), ArcOptions(largest=0.05), keep).run(system.create_vector())
+    assert result.complete, result.reason
+    loads = np.array([step.load for step in steps])
+    back = np.flatnonzero(np.diff(loads) < 0.0)
+    assert loads[back[0]] - loads[back[-1] + 1] > 0.1  # the load went back ...
+    assert crown[back[0]] > -0.1 > crown[-1]  # ... while the crown, 0.08 high, went through
+    assert all(steps[n].newton.negative_pivots > 0 for n in back[1:-1])
+    assert steps[back[0] - 1].newton.negative_pivots == 0
+    assert steps[-1].newton.negative_pivots == 0
+    # load control jumps there, to the same state beyond
+    jumped: list[Any] = []
+    u = system.create_vector()
+    stepper = LoadStepper(NewtonSolver(system), SteppingOptions(), lambda step, *_: jumped.append(step))
+    assert stepper.run(u).complete
+    assert any(step.jumped for step in jumped)
+    assert float(system.point_displacements(u, ["crown"])[0, 1]) == pytest.approx(crown[-1], rel=1e-6)
