@@ -32,7 +32,7 @@ python_use_unqualified_type_names = True
 
 # Every reference must resolve, but for those to types of other projects, which are not indexed here.
 nitpicky = True
-nitpick_ignore_regex = [("py:.*", r"(?!tmc_vem|codegen).*"), ("py:class", r".*\.declare\.Function")]
+nitpick_ignore_regex = [("py:.*", r"(?!tmc_vem|codegen).*"), ("py:class", r".*\.(Function|T)")]
 
 html_theme = "furo"
 html_title = f"tmc-vem {version}"

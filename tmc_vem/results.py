@@ -164,6 +164,24 @@ class RunResult:
         """Converged load steps."""
         return len(self.history)
 
+    def to_pandas(self) -> Any:
+        """Load steps as a pandas data frame, see :func:`tmc_vem.export.to_pandas`."""
+        from tmc_vem.export import to_pandas
+
+        return to_pandas(self)
+
+    def to_pyvista(self, load: float = 1.0) -> Any:
+        """Fields at a load factor as a PyVista mesh, see :func:`tmc_vem.export.to_pyvista`."""
+        from tmc_vem.export import to_pyvista
+
+        return to_pyvista(self, load)
+
+    def to_meshio(self, load: float = 1.0) -> Any:
+        """Fields at a load factor as a meshio mesh, see :func:`tmc_vem.export.to_meshio`."""
+        from tmc_vem.export import to_meshio
+
+        return to_meshio(self, load)
+
     def as_dict(self) -> dict[str, Any]:
         """Content of result.json."""
         last = self.last

@@ -274,3 +274,25 @@ def assemble_scalar(compiled: Any) -> float:
     from dolfinx import fem
 
     return float(fem.assemble_scalar(compiled))
+
+
+def evaluate(function: Any, points: Float) -> tuple[Float, NDArray[np.bool_]]:
+    """Values (n, 2) of a function at points (n, 2), and at which of them this rank has a cell."""
+    from dolfinx import geometry
+
+    mesh = function.function_space.mesh
+    space = np.column_stack([points, np.zeros(len(points))])
+    if require() < (0, 7):
+        tree = geometry.BoundingBoxTree(mesh, 2)
+        near = geometry.compute_collisions(tree, space)
+    else:
+        tree = geometry.bb_tree(mesh, 2)
+        near = geometry.compute_collisions_points(tree, space)
+    colliding = geometry.compute_colliding_cells(mesh, near, space)
+    first = [colliding.links(n)[:1] for n in range(len(points))]
+    found = np.array([len(cells) > 0 for cells in first], dtype=bool)
+    values = np.zeros((len(points), 2))
+    if found.any():
+        cells = np.concatenate(first).astype(np.int32)
+        values[found] = np.reshape(function.eval(space[found], cells), (-1, 2))
+    return values, found

@@ -1,0 +1,111 @@
+"""Runs in the data structures of other programs: pandas, PyVista, meshio. Each is imported when it is asked for."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from tmc_vem.errors import InputError
+from tmc_vem.fields import Fields
+from tmc_vem.report.snapshots import nearest, read_fields, snapshots
+from tmc_vem.results import RunResult
+
+# what the fields are measured in, in terms of the units that the user chose
+UNITS = {"displacement": "length", "J": "1", "min_J": "1", "energy_density": "force / length^2", "region": "1"}
+
+
+def to_pandas(result: RunResult) -> Any:
+    """Load steps as a data frame, a row a step, with the columns of history.csv.
+
+    Raises:
+        InputError: pandas is not installed.
+    """
+    pandas = _required("pandas")
+    frame = pandas.DataFrame([record.as_row() for record in result.history])
+    if len(frame):
+        frame = frame.set_index("step")
+        frame["gap"] = pandas.to_numeric(frame["gap"])
+    return frame
+
+
+def to_meshio(result: RunResult, load: float = 1.0) -> Any:
+    """Fields of the written load step nearest to a load factor, as a ``meshio.Mesh`` of polygons.
+
+    Point data: displacement; cell data: J, min_J, energy_density, region. ``field_data`` has the regions' numbers.
+
+    Raises:
+        InputError: the run has no fields.
+    """
+    import meshio
+
+    fields = fields_at(result, load)
+    order, blocks = _blocks(fields)
+    return meshio.Mesh(
+        _in_space(fields.polygons.points_nx),
+        [("polygon", block) for block in blocks],
+        point_data={"displacement": _in_space(fields.displacement_ni)},
+        cell_data={name: [values[cells] for cells in order] for name, values in _cell_data(fields).items()},
+        field_data={name: np.array([n, 2]) for n, name in enumerate(fields.polygons.region_names)},
+    )
+
+
+def to_pyvista(result: RunResult, load: float = 1.0) -> Any:
+    """Fields of the written load step nearest to a load factor, as a ``pyvista.PolyData`` of the reference state.
+
+    ``mesh.warp_by_vector("displacement")`` deforms it. ``field_data`` has the regions' names and the fields' units.
+
+    Raises:
+        InputError: PyVista is not installed, or the run has no fields.
+    """
+    pyvista = _required("pyvista")
+    fields = fields_at(result, load)
+    polygons = fields.polygons
+    sizes = np.diff(polygons.offsets)
+    faces = np.insert(polygons.connectivity, polygons.offsets[:-1], sizes)
+    mesh = pyvista.PolyData(_in_space(polygons.points_nx), faces=faces)
+    mesh.point_data["displacement"] = _in_space(fields.displacement_ni)
+    for name, values in _cell_data(fields).items():
+        mesh.cell_data[name] = values
+    mesh.field_data["region_names"] = list(polygons.region_names)
+    mesh.field_data["units"] = [f"{name}: {unit}" for name, unit in UNITS.items()]
+    return mesh
+
+
+def fields_at(result: RunResult, load: float) -> Fields:
+    """Fields of the written load step nearest to a load factor.
+
+    Raises:
+        InputError: the run has no fields.
+    """
+    return read_fields(result, nearest(snapshots(result), load))
+
+
+def _blocks(fields: Fields) -> tuple[list[Any], list[Any]]:
+    """Cells, and their points, in groups of equally many points."""
+    polygons = fields.polygons
+    sizes = np.diff(polygons.offsets)
+    order = [np.flatnonzero(sizes == size) for size in np.unique(sizes)]
+    blocks = [polygons.connectivity[polygons.offsets[cells][:, None] + np.arange(sizes[cells[0]])] for cells in order]
+    return order, blocks
+
+
+def _cell_data(fields: Fields) -> dict[str, Any]:
+    return {
+        "J": fields.jacobian_c,
+        "min_J": fields.min_jacobian_c,
+        "energy_density": fields.energy_density_c,
+        "region": fields.polygons.region_c,
+    }
+
+
+def _in_space(plane: Any) -> Any:
+    return np.column_stack([plane, np.zeros(len(plane))])
+
+
+def _required(name: str) -> Any:
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise InputError(f"this needs {name} ({error}): pip install -e '.[analysis]'") from None
