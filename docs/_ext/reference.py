@@ -8,28 +8,10 @@ from typing import Any
 from gallery import write_if_changed
 
 ROOT = Path(__file__).parents[2]
-# page: (title, packages and modules in it, of tmc_vem or beside it)
+# page: (title, packages and modules in it, of tmc_vem or beside it); modules that are not named stand on the first page
 PAGES = {
-    "run": (
-        "Problems and runs",
-        (
-            "simulation",
-            "problems",
-            "constraints",
-            "compare",
-            "reproduce",
-            "batch",
-            "problem_file",
-            "validation",
-            "errors",
-            "monitor",
-            "timing",
-        ),
-    ),
-    "results": (
-        "Results and fields",
-        ("results", "fields", "output", "checkpoint", "recorder", "export", "sample", "report"),
-    ),
+    "run": ("Problems and runs", ("simulation", "problem_file", "problems")),
+    "results": ("Results and fields", ("results", "export", "sample", "fields", "output", "checkpoint", "report")),
     "energy": ("Energies", ("energy",)),
     "codegen": ("Code generator", ("codegen",)),
     "mesh": ("Meshes", ("mesh",)),
@@ -37,6 +19,7 @@ PAGES = {
     "fem": ("Finite elements", ("fem",)),
     "solve": ("Nonlinear solver", ("solve",)),
 }
+WORKERS = ("batch_worker",)  # run by other modules only
 
 
 def setup(app: Any) -> dict[str, bool]:
@@ -48,8 +31,10 @@ def setup(app: Any) -> dict[str, bool]:
 def _write_pages(app: Any) -> None:
     folder = Path(app.srcdir) / "api"
     folder.mkdir(exist_ok=True)
+    named = {root for _, roots in PAGES.values() for root in roots}
+    others = sorted({file.stem for file in (ROOT / "tmc_vem").glob("[!_]*.py")} - named - {*WORKERS})
     for name, (title, roots) in PAGES.items():
-        modules = [module for root in roots for module in modules_of(root)]
+        modules = [module for root in (*roots, *(others if name == "run" else ())) for module in modules_of(root)]
         blocks = [f"## {module}\n\n```{{eval-rst}}\n.. automodule:: {module}\n```\n" for module in modules]
         write_if_changed(folder / f"{name}.md", f"# {title}\n\n" + "\n".join(blocks))
     entries = "\n".join(PAGES)
