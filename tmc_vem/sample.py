@@ -38,7 +38,7 @@ def last_state(problem: Problem, directory: str | Path, options: RunOptions | No
 
     system = discretise(problem, options or RunOptions(), MPI.COMM_WORLD)
     u = system.create_vector()
-    state, _ = Checkpoint.read(Path(directory)).values_at(system.node_labels())
+    state = Checkpoint.read(Path(directory)).values_at(system.node_labels())[-1]  # the newest is last
     u.getArray()[:] = state.ravel()
     return system, u
 
