@@ -70,10 +70,13 @@ class StepRecord:
         return self.load if self.time is None else self.time
 
     def as_row(self) -> dict[str, Any]:
-        """Flat form for history.csv: ``min_j_<region>``, ``energy_<region>``, ``parameter_<name>`` are columns."""
+        """Flat form for history.csv: ``min_j_<region>``, ``energy_<region>``, ``parameter_<name>`` are columns.
+
+        The regions keep their order, by which the fields of a run directory are given their names.
+        """
         flat = asdict(self)
         for name, column in (("min_j", "min_j"), ("energy", "energy"), ("parameters", "parameter")):
-            for key, value in sorted(flat.pop(name).items()):
+            for key, value in flat.pop(name).items():
                 flat[f"{column}_{key}"] = value
         return {key: "" if value is None else value for key, value in flat.items()}
 

@@ -11,6 +11,7 @@ import pytest
 from tmc_vem import Box, Medium, RunOptions, run
 from tmc_vem.errors import InputError
 from tmc_vem.fields import Fields, Polygons
+from tmc_vem.report.snapshots import read_fields, snapshots
 from tmc_vem.results import RunDirectory, RunResult
 from tmc_vem.timing import Timer
 
@@ -26,6 +27,16 @@ def test_round_trip(short_run: RunResult) -> None:
     again = RunResult.read(short_run.directory)
     assert again.history == short_run.history
     assert again.as_dict() == json.loads(short_run.to_json())
+
+
+def test_fields_are_read_back_with_their_regions(tmp_path: Path) -> None:
+    run(Box(cells=(20, 5), uy=-0.02, medium=Medium(gamma=1e-4)), tmp_path / "box", RunOptions(snapshots=1))
+    result = RunResult.read(tmp_path / "box")
+    polygons = read_fields(result, snapshots(result)[-1]).polygons
+    medium = polygons.region_c == polygons.region_names.index("medium")
+    middles = np.array([polygons.points_nx[polygons.cell(c)].mean(axis=0) for c in range(polygons.n_cells)])
+    cavity = (np.abs(middles[:, 0] - 1.0) < 0.9) & (np.abs(middles[:, 1] - 0.25) < 0.15)
+    assert (medium == cavity).all()
 
 
 def test_python_and_history_agree(short_run: RunResult) -> None:
