@@ -17,6 +17,7 @@ from typing import Any
 
 from mpi4py import MPI
 
+from tmc_vem.fem.settings import INTERIOR_PENALTIES, FemSettings
 from tmc_vem.problems import Box, CBox, Medium, Punch
 from tmc_vem.problems.cbox import angle_medium
 from tmc_vem.simulation import RunOptions, control_path, discretise
@@ -56,11 +57,12 @@ def cases(cells: tuple[int, int], table2: bool) -> dict[str, Any]:
     return found
 
 
-def measure(problem: Any, strategy: Strategy, method: str, limit: int) -> str:
+def measure(problem: Any, strategy: Strategy, method: str, penalty: str, limit: int) -> str:
     """Load reached, steps and iterations, as a cell of the table."""
     if strategy.continuation and problem.medium.gamma >= strategy.continuation["gamma"]:
         return ""
-    options = RunOptions(method=method, continuation=strategy.continuation)
+    fem = FemSettings(interior_penalty=penalty)
+    options = RunOptions(method=method, fem=fem, continuation=strategy.continuation)
     system = discretise(problem, options, MPI.COMM_WORLD)
     solver, budget = NewtonSolver(system), Budget(limit)
     solver.on_iteration = lambda _: budget.spend()
@@ -86,6 +88,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--table2", action="store_true", help="the box only, all pairs of table 2")
     parser.add_argument("--method", choices=["vem", "fem"], default="vem")
+    parser.add_argument("--interior-penalty", choices=INTERIOR_PENALTIES, default="none", help="of --method fem")
     parser.add_argument("--cells", type=int, nargs=2, default=(40, 10))
     parser.add_argument("--strategies", nargs="+", choices=STRATEGIES, default=list(STRATEGIES))
     parser.add_argument("--cases", nargs="+", help="beginnings of the names of the cases to run; default: all")
@@ -98,7 +101,9 @@ def main() -> None:
         row = []
         for strategy in arguments.strategies:
             print(f"{name}, {strategy}", flush=True)
-            row.append(measure(problem, STRATEGIES[strategy], arguments.method, arguments.limit))
+            row.append(
+                measure(problem, STRATEGIES[strategy], arguments.method, arguments.interior_penalty, arguments.limit)
+            )
         rows.append(f"| {name} | {' | '.join(row)} |")
     print(f"\nNewton iterations in load steps, {arguments.method}\n\n" + "\n".join(rows))
 
