@@ -79,8 +79,10 @@ def measure(problem: Any, strategy: Strategy, method: str, penalty: str, limit: 
     reached = "" if result.complete else f", stops at {result.load:.1%}"
     jumps = sum(step.jumped for step in steps)
     jumped = f", {jumps} jump{'s' * (jumps > 1)}" if jumps else ""
-    print(f"    {time.monotonic() - begin:.1f} s, {result.reason}", flush=True)
-    return f"{solver.iterations_done} in {len(steps)}{reached}{jumped}"
+    stiffened = ", stiffened" if not strategy.continuation and any(step.control.parameters for step in steps) else ""
+    cell = f"{solver.iterations_done} in {len(steps)}{reached}{jumped}{stiffened}"
+    print(f"    {cell} ({time.monotonic() - begin:.1f} s, {result.reason})", flush=True)
+    return cell
 
 
 def main() -> None:

@@ -42,6 +42,12 @@ def warnings_of(
             found.append(
                 f"the last state is unstable ({history[-1].negative_pivots} negative pivots): there may be others"
             )
+        stiff = [record for record in history if record.parameters and record.parameters != history[-1].parameters]
+        if stiff and "continuation" not in inputs:
+            loads = f"{stiff[0].load:.4g} to {stiff[-1].load:.4g}"
+            found.append(
+                f"steps at loads {loads} have a stiffer medium, as the branch ended (parameter_* in history.csv)"
+            )
         jumps = [f"{record.load:.4g}" for record in history if record.jumped]
         if jumps:
             found.append(f"the equilibrium branch ended and the run jumped to another one at load {', '.join(jumps)}")

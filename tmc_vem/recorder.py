@@ -90,7 +90,11 @@ class Recorder:
             if self.directory is not None:
                 directory = self.directory
                 with _reported(directory.path):
-                    on_root(self.system.comm, lambda: directory.add_step(record))
+                    same = self.history[0].as_row().keys() == record.as_row().keys()
+                    on_root(
+                        self.system.comm,
+                        lambda: directory.add_step(record) if same else directory.rewrite_history(self.history),
+                    )
                     if self._snapshots is not None:
                         self._snapshots.offer(step.number, step.time, u)
             if self._every and step.number % self._every == 0:
@@ -117,7 +121,9 @@ class Recorder:
             self.directory.rewrite_history(self.history)
         if self._snapshots is not None:
             self._snapshots.restore(facts["snapshots"])
-        return states, Position(**facts["position"])
+        position = dict(facts["position"])
+        position["stiffer"] = tuple(tuple(pair) for pair in position["stiffer"])
+        return states, Position(**position)
 
     def finish(self, outcome: SteppingResult, u: Any, residual: Any) -> RunResult:
         """Check the last state, draw it and write result.json.

@@ -85,7 +85,8 @@ class StepRecord:
         """Record of a row of history.csv."""
 
         def regions(prefix: str) -> dict[str, float]:
-            return {key[len(prefix) :]: float(value) for key, value in row.items() if key.startswith(prefix)}
+            named = {key[len(prefix) :]: value for key, value in row.items() if key.startswith(prefix)}
+            return {name: float(value) for name, value in named.items() if value}
 
         return StepRecord(
             step=int(row["step"]),
@@ -322,7 +323,8 @@ class RunDirectory:
         remove_unfinished(self.path)
         rows = [record.as_row() for record in records]
         text = io.StringIO()
-        writer = csv.DictWriter(text, fieldnames=list(rows[0]) if rows else ["step"])
+        columns = dict.fromkeys(name for row in rows for name in row)  # parameters may have come in later
+        writer = csv.DictWriter(text, fieldnames=list(columns) or ["step"], restval="")
         writer.writeheader()
         writer.writerows(rows)
         write_atomically(self.path / HISTORY, text.getvalue())

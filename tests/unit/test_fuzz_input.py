@@ -25,13 +25,18 @@ WORDS = st.one_of(
 )
 MEDIUM = ["--gamma", "--alpha-r", "--beta"]
 GEOMETRY = ["--uy", "--refine-medium", "--size", "--stiffness", "--gap0", "--case", "--discs"]
+WORK = ["--max-iterations", "--max-seconds", "--at"]
 METHOD = ["--steps", "--order", "--l", "--quadrature", "--eta", "--snapshots", "--checkpoint-every"]
 VERBAL = ["--regulariser", "--param", "--method", "--interior-penalty", "--mesh"]
 OPTIONS = st.one_of(
-    st.tuples(st.sampled_from(MEDIUM + GEOMETRY + METHOD), NUMBERS).map(list),
+    st.tuples(st.sampled_from(MEDIUM + GEOMETRY + METHOD + WORK), NUMBERS).map(list),
+    st.tuples(st.just("--path"), st.lists(NUMBERS, max_size=4).map(" ".join)).map(list),
+    st.tuples(st.just("--continuation"), st.sampled_from(["gamma", "alpha_r", "beta", ""]), NUMBERS).map(
+        lambda words: [words[0], f"{words[1]}={words[2]}"]
+    ),
     st.tuples(st.sampled_from(VERBAL), WORDS).map(list),
     st.tuples(st.just("--cells"), NUMBERS, NUMBERS).map(list),
-    st.sampled_from([["--triangles"], ["--json"], ["--quiet"], ["--overwrite"]]),
+    st.sampled_from([["--follow"], ["--triangles"], ["--json"], ["--quiet"], ["--overwrite"]]),
     WORDS.map(lambda word: [word]),
 )
 

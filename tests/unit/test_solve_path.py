@@ -236,3 +236,72 @@ def test_continued_parameters_are_in_the_history_and_survive_a_stop(tmp_path: An
 def test_options_are_checked(options: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         run(Box(cells=(20, 5)), options=RunOptions(**options))
+
+
+# -- a branch that ends ----------------------------------------------------------------------------------------------
+
+
+def test_the_rest_of_a_path_with_a_stiffer_medium() -> None:
+    path = load_path((0.0, 1.0, 0.5), stops=(0.8,)).stiffened(0.4, {"gamma": 1e-6}, 10.0)
+    assert path is not None
+    assert [corner.load for corner in path.corners] == pytest.approx([0.0, 0.4, 0.4, 1.0, 0.5, 0.5])
+    assert [corner.parameters["gamma"] for corner in path.corners] == pytest.approx(
+        [1e-6, 1e-6, 1e-5, 1e-5, 1e-5, 1e-6]
+    )
+    assert path.at(0.3) == Control(0.3, {"gamma": 1e-6})  # as before
+    assert any(path.at(stop).load == pytest.approx(0.8) for stop in path.stops)
+    again = path.stiffened(0.4 + DECADE + 0.1, {"gamma": 1e-6}, 100.0)
+    assert again is not None
+    assert [corner.parameters["gamma"] for corner in again.corners[-5:]] == pytest.approx(
+        [1e-5, 1e-4, 1e-4, 1e-4, 1e-6]
+    )
+    assert path.stiffened(path.end - 0.1, {"gamma": 1e-6}, 10.0) is None  # nothing ahead but the softening
+
+
+class Fragile:
+    """A system whose medium, if too soft, has no equilibrium between two loads: its energy is not a number there."""
+
+    def __init__(self, system: Any, low: float, high: float, stiff: float) -> None:
+        self._system, self._low, self._high, self._stiff = system, low, high, stiff
+        self.gamma = 0.0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._system, name)
+
+    def set_parameters(self, values: Any) -> None:
+        self.gamma = values.get("gamma", self.gamma)
+        self._system.set_parameters(values)
+
+    def residual(self, u: Any, out: Any) -> Any:
+        found = self._system.residual(u, out)
+        load = self._system.point_displacements(u, ["load"])[0, 1] / -0.5
+        if self._low < load < self._high and self.gamma < self._stiff:
+            out.scale(np.nan)
+            return type(found)(np.nan, {name: type(r)(np.nan, np.nan) for name, r in found.regions.items()}, "J = nan")
+        return found
+
+
+def test_a_stiffer_medium_gets_past_a_load_where_the_branch_ends() -> None:
+    """Descent and detour fail at that load as well; the rest of the path is gone with more gamma, and brought back."""
+
+    def box() -> Any:
+        return problem_system(Box(cells=(20, 5), uy=-0.5, medium=Medium(gamma=1e-5)))
+
+    whole_way = box()
+    exact = whole_way.create_vector()
+    assert LoadStepper(NewtonSolver(whole_way)).run(exact).complete
+    system, steps = Fragile(box(), 0.3, 0.8, 5e-5), []
+    u = system.create_vector()
+    stepper = LoadStepper(
+        NewtonSolver(system), SteppingOptions(smallest=1e-3), lambda *seen: steps.append(seen), soften={"gamma": 1e-5}
+    )
+    assert stepper.run(u).complete
+    assert (u - exact).norm() < 1e-8 * exact.norm()
+    gammas = [step.control.parameters.get("gamma") for step, *_ in steps]
+    assert gammas[0] is None
+    assert max(gamma for gamma in gammas if gamma) == pytest.approx(1e-4)
+    assert gammas[-1] == 1e-5
+    # another stepper that starts from a position beyond goes on in the same way
+    last = next(n for n, (step, *_) in enumerate(steps) if step.load > 0.9)
+    position = steps[last][2]
+    assert len(position.stiffer) == 1

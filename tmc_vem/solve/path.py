@@ -61,6 +61,7 @@ class ControlPath:
             where = int(lengths.argmin())
             raise InputError(f"the load path stays at load factor {corners[where].load:g}: leave the repetition out")
         self.times = np.concatenate([[0.0], np.cumsum(lengths)])
+        self._loads = tuple(stops)
         self.stops = self._stops(stops)
 
     @property
@@ -86,6 +87,30 @@ class ControlPath:
             parameters = {name: 10.0 ** (x / DECADE) for name, x in zip(self.names, point[1:], strict=True)}
         load = self.corners[leg].load + (time - self.times[leg]) * self._slope(leg)
         return Control(float(load), parameters)
+
+    def stiffened(self, time: float, parameters: Mapping[str, float], factor: float) -> ControlPath | None:
+        """The path up to a time, then parameters raised, the rest of the loads, and the parameters brought back.
+
+        Args:
+            time: from where on.
+            parameters: values to which they are brought back.
+            factor: relative to these.
+
+        Returns:
+            The new path, the same up to ``time``; None if there are no other loads ahead.
+        """
+        now = self.at(time)
+        done = [corner for corner, at in zip(self.corners, self.times, strict=True) if at < time - CLOSE]
+        loads = [now.load]
+        for corner, at in zip(self.corners, self.times, strict=True):
+            if at > time + CLOSE and corner.load != loads[-1]:
+                loads.append(corner.load)
+        if len(loads) == 1:
+            return None
+        before = [Control(corner.load, {**parameters, **corner.parameters}) for corner in (*done, now)]
+        stiff = {name: factor * value for name, value in parameters.items()}
+        raised = [Control(load, stiff) for load in loads]
+        return ControlPath([*before, *raised, Control(loads[-1], dict(parameters))], self._loads)
 
     def leg(self, time: float) -> int:
         """Number of the leg that starts at or before a time, from 0."""

@@ -45,6 +45,11 @@ class States:
             vector.destroy()
         self.controls, self.vectors = self.controls[-1:], self.vectors[-1:]
 
+    def restart(self, control: Float) -> None:
+        """Keep the last state only, at another point of control: the path is another one."""
+        self.forget()
+        self.controls = [np.array(control, dtype=float)]
+
     def orders(self, control: Float) -> Sequence[int]:
         """Orders of extrapolation that are possible to a point, the highest first."""
         return range(len(self._along(control)[0]) - 1, 0, -1)

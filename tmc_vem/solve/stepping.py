@@ -18,6 +18,8 @@ JUMP = 100.0  # way over which a new branch is looked for where the old one ends
 # another branch: Newton's method has found it without being asked to.
 FAR, FAR_AT_LEAST = 3.0, 1e-3
 DETOURS = (10.0, 100.0)  # by how much gamma is raised to get past a load where the branch ends
+# By how much it is raised for the rest of the path where that does not help; it is brought back at the end.
+STIFFER = (10.0, 100.0, 1000.0)
 
 
 @dataclass(frozen=True)
@@ -89,11 +91,13 @@ class Position:
         time: coordinate along the path.
         size: size of the next step.
         number: steps so far.
+        stiffer: times at which the path was given up for one with a stiffer medium, and by what factor each.
     """
 
     time: float = 0.0
     size: float = 0.0
     number: int = 0
+    stiffer: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -117,8 +121,8 @@ class LoadStepper:
         on_step: called after every converged step with the step, the last states and the position from which the
             stepping could go on; the residual (with the reactions) is in ``solver.residual``.
         path: what is controlled; the load factor from 0 to 1 by default.
-        soften: parameters that may be raised for a while where a branch ends, with the problem's values: a stiffer
-            medium may get past that load, and is softened again beyond it.
+        soften: parameters that may be raised where a branch ends, with the problem's values: a stiffer medium may get
+            past that load, and is softened again beyond it, or at the end of the path.
     """
 
     solver: NewtonSolver
@@ -142,6 +146,8 @@ class LoadStepper:
         """
         if states is None or position is None:
             states, position = self.start(u)
+        for time, factor in position.stiffer:
+            self.path = self.path.stiffened(time, self.soften, factor) or self.path
         trial = u.duplicate()
         cut_backs, done, self._far = 0, self.solver.iterations_done, False
         try:
@@ -159,6 +165,11 @@ class LoadStepper:
                     other = self._other_branch(u, trial, position.time, target)
                     if not other.converged:
                         self._control(position.time)
+                        stiffer = self._stiffen(position)
+                        if stiffer is not None:
+                            position = stiffer
+                            states.restart(self.path.vector(self.path.at(position.time)))
+                            continue
                         wasted = self.solver.iterations_done - done
                         return SteppingResult(self._load(position), False, self._why(result, u), wasted, cut_backs)
                     result = other
@@ -167,7 +178,7 @@ class LoadStepper:
                 if jumped:  # there is nothing to extrapolate across a jump to another branch
                     states.forget()
                 size = self._next_size(position, target, len(result.iterations), cut_backs > 0 and not jumped)
-                position = Position(target, size, position.number + 1)
+                position = Position(target, size, position.number + 1, position.stiffer)
                 if self.on_step:
                     wasted = self.solver.iterations_done - done - len(result.iterations)
                     control = self.path.at(target)
@@ -253,6 +264,20 @@ class LoadStepper:
                 return last[-1]
         return result
 
+    def _stiffen(self, position: Position) -> Position | None:
+        """Give up the path for one with a stiffer medium that is softened at the end; None if that has been tried."""
+        unused = [factor for factor in STIFFER if all(factor > used for _, used in position.stiffer)]
+        if not (self.soften and unused) or (
+            self.path.names and not position.stiffer
+        ):  # or it is a continuation already
+            return None
+        path = self.path.stiffened(position.time, self.soften, unused[0])
+        if path is None:
+            return None
+        self.path = path
+        size = min(self.options.first, self.options.largest)
+        return replace(position, size=size, stiffer=(*position.stiffer, (position.time, unused[0])))
+
     def _control(self, time: float) -> float:
         """Give the system the parameters of a time; the load factor there."""
         control = self.path.at(time)
@@ -269,7 +294,7 @@ class LoadStepper:
         worst = self.solver.system.energy(u).worst
         softened = ""
         if self.soften:
-            softened = f", {', '.join(self.soften)} raised {DETOURS[-1]:g} times to get past this load"
+            softened = f", {', '.join(self.soften)} raised up to {STIFFER[-1]:g} times to get past this load"
         return (
             f"{result.reason}; smallest {worst}. Tried: steps down to {self.options.smallest:g} of the load, "
             f"extrapolated and tangent predictors, descent to another equilibrium{softened}. Try a larger alpha_r or "
