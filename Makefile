@@ -7,7 +7,7 @@ export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMPI_MCA_rmaps_base_oversubscribe := 1
 
-.PHONY: demo test test-slow test-paper test-trixie lint format golden docs linkcheck setup clean
+.PHONY: demo test test-slow test-paper test-trixie lint format bench bench-page golden docs linkcheck setup clean
 
 demo: .venv/.ready ## solve the box; show gap, picture and where the report is
 	$(PYTHON) demos/demo_box.py
@@ -32,6 +32,12 @@ lint: .venv/.ready ## style and types
 format: .venv/.ready
 	.venv/bin/ruff check --fix .
 	.venv/bin/ruff format .
+
+bench: .venv/.ready ## speed against dolfinx, flop rates, time to a gap, phases, growth, start-up; ten minutes, one core
+	$(PYTHON) benchmarks/run_all.py
+
+bench-page: .venv/.ready ## put the figures of 'make bench' into docs/performance.md
+	$(PYTHON) benchmarks/performance_page.py
 
 golden: .venv/.ready ## write the golden C files anew
 	$(PYTHON) tests/golden/update.py

@@ -81,19 +81,15 @@ def outline(cells: list[NDArray[np.int64]], chosen: NDArray[np.bool_], points: F
     doubled). They are joined, as dots would show where single sides meet."""
     import shapely
 
-    sides: dict[tuple[tuple[float, ...], ...], Float] = {}
-    for cell, use in zip(cells, chosen, strict=True):
-        if not use:
-            continue
-        at = np.round(points[cell], 9)
-        for a, b in zip(at, np.roll(at, -1, axis=0), strict=True):
-            ends = sorted((tuple(a), tuple(b)))
-            key = (ends[0], ends[1])
-            if key in sides:
-                del sides[key]
-            else:
-                sides[key] = np.array([a, b])
-    if not sides:
+    loops = [cell for cell, use in zip(cells, chosen, strict=True) if use]
+    if not loops:
         return []
-    joined = shapely.line_merge(shapely.multilinestrings(list(sides.values())))
+    start, end = np.concatenate(loops), np.concatenate([np.roll(loop, -1) for loop in loops])
+    rounded, place = np.unique(np.round(points, 9), axis=0, return_inverse=True)
+    ends = np.sort(np.column_stack([place.ravel()[start], place.ravel()[end]]), axis=1)
+    sides, count = np.unique(ends, axis=0, return_counts=True)
+    once = sides[(count == 1) & (sides[:, 0] != sides[:, 1])]
+    if not len(once):
+        return []
+    joined = shapely.line_merge(shapely.multilinestrings(shapely.linestrings(rounded[once])))
     return [shapely.get_coordinates(line) for line in shapely.get_parts(joined)]

@@ -16,6 +16,7 @@ from codegen.kernel import CellValues
 from tmc_vem.constraints import Prescribed
 from tmc_vem.errors import InputError
 from tmc_vem.fields import Polygons
+from tmc_vem.memory import give_back
 from tmc_vem.mesh.distribute import DistributedMesh
 from tmc_vem.mesh.geometry import centroids
 from tmc_vem.parallel import on_every_rank
@@ -99,6 +100,7 @@ class VemSystem:
             is_constrained = np.zeros(2 * self.dofmap.n_nodes, dtype=bool)
             is_constrained[self._constrained_local] = True
             self._insertion = MatrixInsertion(self.blocks, matrix, self.dofmap.dm.getLGMap(), is_constrained)
+            give_back()
         return matrix
 
     def constrained(self) -> NDArray[np.int32]:
