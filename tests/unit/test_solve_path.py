@@ -305,3 +305,12 @@ def test_a_stiffer_medium_gets_past_a_load_where_the_branch_ends() -> None:
     last = next(n for n, (step, *_) in enumerate(steps) if step.load > 0.9)
     position = steps[last][2]
     assert len(position.stiffer) == 1
+
+
+def test_unloading_to_nothing_needs_no_more_iterations_than_other_steps() -> None:
+    """Without load there are no reactions that a residual could be compared with."""
+    result, steps, u = follow(block(), load_path((0.0, 1.0, 0.0)))
+    assert result.complete
+    assert steps[-1].load == 0.0
+    assert len(steps[-1].newton.iterations) <= 5
+    assert u.norm(3) < 1e-8

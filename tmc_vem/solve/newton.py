@@ -26,6 +26,9 @@ NEAR_EQUILIBRIUM = 1e-4
 SMALLEST_SHIFT, LARGEST_SHIFT = 1e-9, 10.0
 # Changes of the energy below this fraction of it are rounding, not information.
 ENERGY_ROUNDING = 1e-12
+# Without load there are no reactions to compare the residual with: they count as at least this fraction of the largest
+# stiffness times the size of the domain.
+SMALLEST_REACTION = 1e-6
 
 
 @dataclass(frozen=True)
@@ -99,8 +102,7 @@ class NewtonSolver:
         self._trial = self.system.create_vector()
         self._rhs = self.system.create_vector()
         self._constrained = self.system.constrained()
-        self._diagonal: Any = None
-        self._shifted = False
+        self._diagonal = self._matrix.createVecLeft()
         self._last_shift = 0.0
         self.iterations_done = 0  # since the solver was made, whatever became of them
 
@@ -152,11 +154,12 @@ class NewtonSolver:
         limit = self.options.max_iterations * (10 if minimise else 1)
         iterations: list[Iteration] = []
         evaluation = self._evaluate(u)
-        correction, step, pivots = math.inf, 0.0, None
+        correction, step, pivots, least = math.inf, 0.0, None, 0.0
         while True:
             if not evaluation.admissible:
                 return NewtonResult(False, f"inadmissible state ({evaluation.worst})", evaluation, tuple(iterations))
             residual, reference = self._norms()
+            reference = max(reference, least)
             before = iterations[-1].residual if iterations else math.inf
             small = residual <= self.options.residual * reference or (
                 # rounding: a stiff body that moves far leaves more of it than the reactions of a soft medium amount to
@@ -170,7 +173,7 @@ class NewtonSolver:
 
             with self.timer("assembly"):
                 self.system.jacobian(u, self._matrix)
-            self._shifted = False
+            least = SMALLEST_REACTION * self._largest_stiffness() * self.system.size
             self.residual.copy(self._rhs)
             self._rhs.scale(-1.0)
             self._clear_constrained(self._rhs)
@@ -250,18 +253,18 @@ class NewtonSolver:
             shift = max(SMALLEST_SHIFT, self._last_shift / 3.0) if shift == 0.0 else 8.0 * shift
         return False, pivots
 
+    def _largest_stiffness(self) -> float:
+        """Largest entry of the tangent's diagonal, which is kept."""
+        self._matrix.getDiagonal(self._diagonal)
+        return float(self._diagonal.norm(3))
+
     def _shift_diagonal(self, shift: float) -> None:
-        if self._diagonal is None:
-            self._diagonal = self._matrix.createVecLeft()
-        if not self._shifted:
-            self._matrix.getDiagonal(self._diagonal)
         diagonal = self._diagonal.duplicate()
         self._diagonal.copy(diagonal)
         diagonal.abs()
         diagonal.scale(shift)
         diagonal.axpy(1.0, self._diagonal)
         self._matrix.setDiagonal(diagonal)
-        self._shifted = True
         diagonal.destroy()
 
     def _line_search(self, u: Any, before: Evaluation, expand: bool) -> tuple[float, Evaluation]:
