@@ -60,7 +60,8 @@ def layered(nx: int = 4, ny: int = 4, distort: float = 0.15) -> PolygonMesh:
 
 def medium(regulariser: str | Regulariser = "huhu_lulu", beta: float = 2.0, **values: Any) -> RegionEnergy:
     """Third medium that is stiff enough to matter in tests."""
-    return medium_region(Medium(gamma=0.3, alpha_r=0.7, beta=beta, regulariser=regulariser, **values), mu=1.5)
+    chosen = {"gamma": 0.3, "alpha_r": 0.7, **values}
+    return medium_region(Medium(beta=beta, regulariser=regulariser, **chosen), mu=1.5)
 
 
 SOLID = solid_region(Material(K=3.0, mu=1.5))

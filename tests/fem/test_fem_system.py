@@ -78,3 +78,22 @@ def test_cell_values() -> None:
     assert density == pytest.approx(np.full(6, density[0]))
     assert system.n_dofs == 2 * 7 * 5
     assert system.size == 1.0
+
+
+def test_parameters_can_change_after_the_forms_are_compiled() -> None:
+    """Energy, residual, tangent and penalty follow, as if the system had been made with the new values."""
+    settings = {"interior_penalty": "penalty"}
+    system = make_system(layered(3, 3), {"solid": SOLID, "medium": medium(gamma=1e-2)}, CLAMPED, **settings)
+    other = make_system(layered(3, 3), {"solid": SOLID, "medium": medium(gamma=1e-3)}, CLAMPED, **settings)
+    u = system.interpolate(wavy)
+    parts = []
+    system.residual(u, system.create_vector())  # compiled with the first values
+    system.set_parameters({"gamma": 1e-3})
+    for one in (system, other):
+        residual, matrix = one.create_vector(), one.create_matrix()
+        evaluation = one.residual(u, residual)
+        one.jacobian(u, matrix)
+        parts.append((evaluation.energy, residual.getArray().copy(), matrix.norm()))
+    assert parts[0][0] == pytest.approx(parts[1][0], rel=1e-12)
+    assert parts[0][1] == pytest.approx(parts[1][1], rel=1e-10, abs=1e-14)
+    assert parts[0][2] == pytest.approx(parts[1][2], rel=1e-12)
