@@ -1,10 +1,11 @@
 """What gradients are projected on: the measurements behind docs/projection.md.
 
-    python benchmarks/projection_space.py                  # all but the slow box runs, about two minutes
-    python benchmarks/projection_space.py box --r 1 2 4 8   # gaps, minutes to an hour
+    python benchmarks/projection_space.py                  # all, about two minutes
+    python benchmarks/projection_space.py zoo beam         # some of them
 
-Studies: zoo (rank and conditioning), rates (four cells against
-one along an interface, kept under refinement), beam (one and two cells through the thickness), cost, box.
+Studies: zoo (rank and conditioning), extension (energy of modes relative to the best extension of their boundary
+values), rates (four cells against one along an interface, kept under refinement), beam (one and two cells through the
+thickness), cost. Contact is in projection_contact.py.
 """
 
 from __future__ import annotations
@@ -29,19 +30,19 @@ from tmc_vem.errors import TmcError
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.weld import weld
-from tmc_vem.problems import Box
-from tmc_vem.problems.base import Medium
-from tmc_vem.simulation import RunOptions, run
 from tmc_vem.solve.newton import NewtonSolver
-from tmc_vem.vem.element import PROJECTIONS, ElementSettings, build_elements
+from tmc_vem.vem.element import PROJECTIONS, ElementGroup, ElementSettings, build_elements
+from tmc_vem.vem.quadrature import gauss, sub_triangles
+from tmc_vem.vem.rules import on_sub_triangles
+from tmc_vem.vem.space_composite import CompositeSpace
+from tmc_vem.vem.space_macro import MacroSpace
+from tmc_vem.vem.spaces import FullSpace, Shapes
 from tmc_vem.vem.stability import elastic_tangent
-from tmc_vem.vem.tables import points_and_values
+from tmc_vem.vem.tables import points_and_values, tabulate
 
 Float = NDArray[np.float64]
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
-# Gaps of the box at alpha_r = 1 on 80 x 20 equal squares with [P_3]^2 (gamma = 1e-6 still moves by 1 %).
-CONVERGED = {1e-4: 8.04e-3, 1e-5: 2.01e-3, 1e-6: 5.05e-4}
 
 
 def zoo() -> dict[str, Float]:
@@ -71,11 +72,115 @@ def study_zoo() -> None:
             except TmcError:
                 cells.append("-")
                 continue
-            rows = np.moveaxis(group.tables.rows(2), 2, 0)
-            eigenvalues = np.linalg.eigvalsh(elastic_tangent(rows, rows * group.tables.w_sq[..., None]))[0]
+            eigenvalues = np.linalg.eigvalsh(tangent_of(group))
             space = {"composite": "c", "macro": "m"}.get(group.projection, group.projection.removeprefix("harmonic "))
             cells.append(f"{eigenvalues[3] / eigenvalues[-1]:.0e} {space}")
         print(name.ljust(26), *(c.rjust(14) for c in cells))
+    polygon = zoo()["sliver 1 : 10"]
+    print(f"sliver 1 : 10, displacements in P_2 alone allow at most {bound_by_quadratics(polygon):.1e}")
+
+
+def tangent_of(group: ElementGroup) -> Float:
+    """Elastic tangent (2 n, 2 n) of the first shape at F = I, lambda = mu = 1."""
+    rows = np.moveaxis(group.tables.rows(2), 2, 0)[:, :1]
+    return elastic_tangent(rows, rows * group.tables.w_sq[:1, :, None])[0]
+
+
+def bound_by_quadratics(polygon: Float) -> float:
+    """Bound on the smallest nonzero eigenvalue relative to the largest from displacements in P_2, on which the tangents
+    of all spaces agree: the smallest Rayleigh quotient of those orthogonal to the rigid motions."""
+    mesh = PolygonMesh.from_cells(polygon, [list(range(len(polygon)))])
+    (group,) = build_elements(mesh, ElementSettings(projection="composite"))
+    x, y = np.concatenate([polygon, 0.5 * (polygon + np.roll(polygon, -1, axis=0))]).T
+    points_sqx, _ = points_and_values(polygon[None], 2, group.tables.xi_sqx)
+    points, weights = points_sqx[0], group.tables.w_sq[0]
+    columns = []
+    for a, b in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)):
+        mean = weights @ (points[:, 0] ** a * points[:, 1] ** b) / weights.sum()
+        columns.append(np.append(x**a * y**b, mean))
+    quadratics = np.kron(np.eye(2), np.stack(columns, axis=1))
+    rigid = quadratics[:, [0, 6]], quadratics[:, [2]] - quadratics[:, [7]]
+    tangent = tangent_of(group)
+    basis, _ = np.linalg.qr(np.hstack([*rigid, quadratics]))
+    scaled = np.linalg.svd(quadratics - basis[:, :3] @ (basis[:, :3].T @ quadratics))[0][:, :9]
+    quotient = np.linalg.eigvalsh(scaled.T @ tangent @ scaled)[0]
+    return float(quotient / np.linalg.eigvalsh(tangent)[-1])
+
+
+def study_extension() -> None:
+    """Energy of a displacement in the element over that of the best extension of its boundary values into the cell,
+    for all boundary values: least, median, three quarters, largest. K = 20, mu = 10."""
+    spaces = {"full 3": FullSpace(3), "full 4": FullSpace(4), "macro": MacroSpace(2), "composite": CompositeSpace(2)}
+    print("hanging nodes".ljust(14), *(name.rjust(24) for name in spaces))
+    for n in (0, 1, 3, 7):
+        polygon = subdivide(SQUARE, [n + 1, 1, 1, 1])
+        spectrum, modes = np.linalg.eigh(_best_extension(polygon))
+        scaled = modes[:, 3:] / np.sqrt(spectrum[3:])
+        ((_, triangles),) = sub_triangles(polygon[None])
+        cells = []
+        for space in spaces.values():
+            shapes = Shapes.of(polygon[None], triangles, 2, space.degree)
+            tables = tabulate(shapes, space, on_sub_triangles(triangles, 6))
+            n_basis = tables.n_basis
+            tangent = _isotropic(tables.rows(2)[0], tables.w_sq[0])
+            moment = np.array([n_basis - 1, 2 * n_basis - 1])
+            outer = np.delete(np.arange(2 * n_basis), moment)
+            coupling = tangent[np.ix_(moment, outer)]
+            condensed = tangent[np.ix_(outer, outer)] - coupling.T @ np.linalg.solve(
+                tangent[np.ix_(moment, moment)], coupling
+            )
+            ratios = np.linalg.eigvalsh(scaled.T @ condensed @ scaled)
+            cells.append(" ".join(f"{q:5.2f}" for q in np.abs(np.quantile(ratios, (0.0, 0.5, 0.75, 1.0)))))
+        print(f"{n}".ljust(14), *(c.rjust(24) for c in cells))
+
+
+def _isotropic(gradient_qxa: Float, w_q: Float, K: float = 20.0, mu: float = 10.0) -> Float:
+    """Tangent (2 n, 2 n) of plane strain elasticity, all x components first."""
+    lam = K - 2.0 * mu / 3.0
+    d = np.moveaxis(gradient_qxa, 1, 0)
+    xx, yy, xy = (d[i].T @ (w_q[:, None] * d[j]) for i, j in ((0, 0), (1, 1), (0, 1)))
+    upper, lower, mixed = (lam + 2 * mu) * xx + mu * yy, (lam + 2 * mu) * yy + mu * xx, lam * xy + mu * xy.T
+    return np.block([[upper, mixed], [mixed.T, lower]])
+
+
+def _best_extension(polygon: Float, n: int = 16) -> Float:
+    """Energy (4 n_sides, 4 n_sides) of boundary values of degree 2 on the sides of a subdivided unit square, extended
+    with n x n biquadratic elements."""
+    size = 2 * n + 1
+    values, slopes = (np.stack(f) for f in (_quadratic(gauss(4)[0]), _quadratic_slopes(gauss(4)[0])))
+    rows = np.stack([np.einsum("iq,jp->qpji", slopes, values), np.einsum("iq,jp->qpji", values, slopes)]) * n
+    weights = np.outer(gauss(4)[1], gauss(4)[1]).ravel() / n**2
+    element = _isotropic(np.moveaxis(rows.reshape(2, 16, 9), 0, 1), weights)
+    stiffness = np.zeros((2 * size**2, 2 * size**2))
+    for i in range(n):
+        for j in range(n):
+            nodes = ((2 * j + np.arange(3))[:, None] * size + 2 * i + np.arange(3)).ravel()
+            at = np.concatenate([nodes, size**2 + nodes])
+            stiffness[np.ix_(at, at)] += element
+    points = np.stack(np.meshgrid(np.linspace(0, 1, size), np.linspace(0, 1, size)), axis=-1).reshape(-1, 2)
+    sides = len(polygon)
+    trace, on_boundary = np.zeros((size**2, 2 * sides)), np.zeros(size**2, dtype=bool)
+    for s in range(sides):
+        a, along = polygon[s], polygon[(s + 1) % sides] - polygon[s]
+        t = (points - a) @ along / (along @ along)
+        here = (np.linalg.norm(points - a - t[:, None] * along, axis=1) < 1e-9) & (np.abs(t - 0.5) < 0.5 + 1e-9)
+        trace[here] = 0.0
+        trace[np.ix_(here, [s, sides + s, (s + 1) % sides])] = np.stack(_quadratic(t[here]), axis=1)
+        on_boundary |= here
+    both = np.tile(on_boundary, 2)
+    inner, coupling = stiffness[np.ix_(~both, ~both)], stiffness[np.ix_(~both, both)]
+    schur = stiffness[np.ix_(both, both)] - coupling.T @ np.linalg.solve(inner, coupling)
+    boundary = np.kron(np.eye(2), trace[on_boundary])
+    return boundary.T @ schur @ boundary
+
+
+def _quadratic(t: Float) -> tuple[Float, Float, Float]:
+    """Values of the quadratic polynomials of the nodes 0, 1/2, 1."""
+    return (1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)
+
+
+def _quadratic_slopes(t: Float) -> tuple[Float, Float, Float]:
+    return 4 * t - 3, 4 - 8 * t, 4 * t - 1
 
 
 def interface_mesh(n: int, r: int) -> PolygonMesh:
@@ -211,42 +316,19 @@ def study_cost() -> None:
             print(f"{name:15s} {label:24s} {size} {1e6 * min(seconds) / n:8.2f}")
 
 
-def study_box(refinements: list[int], gammas: list[float], projections: list[str], cells: tuple[int, int]) -> None:
-    """Gap at alpha_r = 1, medium refined r times."""
-    print("r  gamma   projection   load   gap        error    steps  iterations")
-    for r in refinements:
-        for gamma in gammas:
-            for projection in projections:
-                problem = Box(cells=cells, medium=Medium(gamma=gamma, alpha_r=1.0), medium_refinement=r)
-                try:
-                    result = run(problem, None, RunOptions(element=ElementSettings(projection=projection)))
-                except TmcError as error:
-                    print(f"{r}  {gamma:.0e}  {projection:10s}  {error}")
-                    continue
-                gap = result.history[-1].gap
-                error = 100 * (gap / CONVERGED[gamma] - 1) if gamma in CONVERGED else float("nan")
-                print(
-                    f"{r}  {gamma:.0e}  {projection:10s}  {result.load:5.3f}  {gap:.3e}  {error:+6.2f}%  "
-                    f"{result.steps:4d}  {result.newton_iterations:5d}",
-                    flush=True,
-                )
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    quick = {"zoo": study_zoo, "rates": study_rates, "beam": study_beam, "cost": study_cost}
-    parser.add_argument("study", nargs="*", default=list(quick), choices=[*quick, "box"])
-    parser.add_argument("--r", type=int, nargs="+", default=[1, 2, 4, 8])
-    parser.add_argument("--gamma", type=float, nargs="+", default=list(CONVERGED))
-    parser.add_argument("--projection", nargs="+", default=["auto"], choices=PROJECTIONS)
-    parser.add_argument("--cells", type=int, nargs=2, default=(20, 5))
-    arguments = parser.parse_args()
-    for name in arguments.study:
+    studies = {
+        "zoo": study_zoo,
+        "extension": study_extension,
+        "rates": study_rates,
+        "beam": study_beam,
+        "cost": study_cost,
+    }
+    parser.add_argument("study", nargs="*", default=list(studies), choices=list(studies))
+    for name in parser.parse_args().study:
         print(f"\n== {name}")
-        if name == "box":
-            study_box(arguments.r, arguments.gamma, arguments.projection, tuple(arguments.cells))
-        else:
-            quick[name]()
+        studies[name]()
 
 
 if __name__ == "__main__":

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from tmc_vem.cli.main import main
@@ -42,6 +44,14 @@ def test_generate_then_info_check_and_plot(arguments, suffix, tmp_path, capsys):
     code, out, _ = call(capsys, "plot", file, "--out", tmp_path / "mesh.png")
     assert code == 0
     assert (tmp_path / "mesh.png").stat().st_size > 5000
+
+
+def test_info_names_the_projection_of_cells_with_hanging_nodes(tmp_path, capsys):
+    file = tmp_path / "mesh.vtu"
+    assert call(capsys, "generate", "box", "--cells", "20", "5", "--refine-medium", "2", "--out", file)[0] == 0
+    _, out, _ = call(capsys, "info", file)
+    assert re.search(r"^ *l = 3 +\d+ with 4 sides *$", out, re.MULTILINE)
+    assert re.search(r"^ *composite +42 with 5 sides *$", out, re.MULTILINE)
 
 
 def test_info_counts(tmp_path, capsys):

@@ -90,6 +90,39 @@ def test_composite_gradient_is_that_of_a_continuous_function_with_the_given_trac
         assert found == pytest.approx(expected, abs=1e-8)
 
 
+@pytest.mark.parametrize("parts", [(1, 1, 1, 1), (2, 1, 1, 1), (4, 1, 2, 1), (8, 8, 1, 1)])
+def test_composite_functions_contain_the_serendipity_polynomials_of_a_rectangle(parts):
+    """x^2 y and x y^2 have degree 2 on every side. A crushed layer needs them: its stretch varies along it."""
+    polygon = subdivide(SQUARE, parts) * [2.0, 0.5]
+    rows, points, _ = rows_of(polygon, 2, CompositeSpace(2))
+    x, y = points.T
+    oracle = Oracle(polygon, 2)
+    for a, b in ((2, 1), (1, 2)):
+        found = rows[:, :2] @ oracle.dofs_of(lambda x, y, a=a, b=b: x**a * y**b, 3)
+        expected = np.stack([a * x ** (a - 1) * y**b, b * x**a * y ** (b - 1)], axis=1)
+        assert found == pytest.approx(expected, abs=1e-10)
+
+
+@pytest.mark.parametrize("parts", [(2, 1, 1, 1), (4, 1, 1, 1), (8, 1, 2, 1), (4, 4, 4, 4)])
+def test_hanging_nodes_do_not_stiffen_a_composite_square(parts):
+    """A displacement without hanging nodes has no more energy with them, where they follow it along the sides."""
+    plain, fine = np.array(SQUARE), subdivide(SQUARE, parts)
+    plain_dofs, fine_dofs = Oracle(plain, 2), Oracle(fine, 2)
+    polynomials = [*powers(2), (2, 1), (1, 2)]  # they span all boundary values of the plain square
+    bubble = lambda x, y: x * (1 - x) * y * (1 - y)  # noqa: E731
+    functions = [lambda x, y, a=a, b=b: x**a * y**b for a, b in polynomials] + [bubble]
+    energies = []
+    for polygon, oracle in ((plain, plain_dofs), (fine, fine_dofs)):
+        rows, _, weights = rows_of(polygon, 2, CompositeSpace(2))
+        gradient = np.moveaxis(rows[None, :, :2], 2, 0)
+        tangent = elastic_tangent(gradient, gradient * weights[None, :, None])[0]
+        dofs = np.stack([oracle.dofs_of(f, 4) for f in functions], axis=1)
+        both = np.kron(np.eye(2), dofs)
+        energies.append(both.T @ tangent @ both)
+    difference = np.linalg.eigvalsh(energies[0] - energies[1])
+    assert difference.min() > -1e-10
+
+
 @pytest.mark.parametrize("projection", ["auto", "macro", "composite"])
 @pytest.mark.parametrize("name", MANY)
 def test_full_rank_and_good_condition_with_many_nodes(projection, name):

@@ -208,14 +208,14 @@ def describe(mesh: Any, order: int) -> list[tuple[str, str]]:
     try:
         groups = build_elements(mesh, settings)
     except InputError as error:
-        rows.append(("degree l", str(error)))
+        rows.append(("projection", str(error)))
         return rows
-    degrees: dict[tuple[int, int], int] = {}
+    cells: dict[tuple[str, int], int] = {}
     for group in groups:
-        degrees[group.degree, group.n_sides] = degrees.get((group.degree, group.n_sides), 0) + len(group.cells)
-    for degree in sorted({d for d, _ in degrees}):
-        parts = ", ".join(f"{n} with {sides} sides" for (d, sides), n in sorted(degrees.items()) if d == degree)
-        rows.append((f"l = {degree}", parts))
+        cells[group.projection, group.n_sides] = cells.get((group.projection, group.n_sides), 0) + len(group.cells)
+    for name in sorted({name for name, _ in cells}):
+        parts = ", ".join(f"{n} with {sides} sides" for (other, sides), n in sorted(cells.items()) if other == name)
+        rows.append((f"l = {name}" if name.isdigit() else name, parts))
     tables, shapes = sum(g.tables.nbytes for g in groups), sum(len(g.tables.h_s) for g in groups)
     n_points = sum(len(g.cells) * len(g.tables.piece_q) for g in groups)
     rows.append(("elements", f"{shapes} shapes in {tables / 1e6:.1f} MB, {n_points} quadrature points"))

@@ -65,8 +65,8 @@ class ElementSettings:
             percent. The fewest points move it by 0.1 percent on quadrilaterals, by 2 to 3 on larger polygons.
         projection: what gradients are projected on. 'full': [P_l]^2 with the smallest l that the spectral test allows;
             'harmonic': [P_k]^2 and as many gradients of harmonic polynomials as it takes; 'macro': H(div)-conforming
-            piecewise [P_k]^2; 'composite': gradients of continuous piecewise P_k; 'auto': 'full' where l up to k + 1
-            does well, 'composite' elsewhere.
+            piecewise [P_k]^2; 'composite': gradients of continuous piecewise P_(k+1); 'auto': 'full' where l up to
+            k + 1 does well, 'composite' elsewhere.
     """
 
     order: int = 2

@@ -1,10 +1,9 @@
-"""Explicit functions on the sub-triangles: the gradient of a continuous piecewise polynomial of degree k.
+"""Explicit functions on the sub-triangles: the gradient of a continuous piecewise polynomial of degree k + 1.
 
-The function has the traces of v. Its coefficients inside minimise ``int |grad w|^2`` with moments of v prescribed,
-those of degree up to k - 2, which are degrees of freedom, and those of Pi_nabla_k v of degree k - 1 and, where there
-are enough coefficients, k. For v in P_k the minimiser is v itself. The displacement within a cell is then continuous
-and known, the method is a conforming one with composite elements, and only rigid motions have no strain, on any
-polygon.
+The function has the traces of v. Its coefficients inside minimise ``int |grad w|^2`` with the moments of v up to degree
+k - 1 prescribed: those up to k - 2 are degrees of freedom, the others are those of Pi_nabla_k v. For v in P_k the
+minimiser is v itself. The displacement within a cell is then continuous and known, the method is a conforming one with
+composite elements, and only rigid motions have no strain, on any polygon.
 """
 
 from __future__ import annotations
@@ -32,13 +31,10 @@ from tmc_vem.vem.triangulation import (
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-# Prescribed moments leave at least so many coefficients to the minimisation.
-LEFT_FREE = 1
-
 
 @dataclass(frozen=True)
 class CompositeSpace:
-    """Gradients of continuous piecewise polynomials of degree k on the sub-triangles.
+    """Gradients of continuous piecewise polynomials of degree k + 1 on the sub-triangles.
 
     Attributes:
         order: k.
@@ -53,13 +49,13 @@ class CompositeSpace:
 
     @property
     def degree(self) -> int:
-        """Degree of the second gradient's space [P_k]^2; that of the gradient is k - 1."""
+        """k, also that of the second gradient's space [P_k]^2."""
         return self.order
 
     @property
     def piecewise_degree(self) -> int:
-        """Degree of the gradient on every sub-triangle."""
-        return self.order - 1
+        """Degree k of the gradient on every sub-triangle."""
+        return self.order
 
     def gradients(self, shapes: Shapes) -> Gradients:
         """See :class:`tmc_vem.vem.spaces.ProjectionSpace`; the second gradient is that of [P_k]^2."""
@@ -87,14 +83,15 @@ def reconstruction(shapes: Shapes, corners_tp: Int) -> Float:
         corners_tp: vertices of the sub-triangles.
     """
     k, n_sides = shapes.order, shapes.geometry.n_sides
-    numbers, n_total = coefficient_numbers(corners_tp, n_sides, k)
-    n_boundary, n_inside = n_sides * k, n_total - n_sides * k
-    n_moments = monomials.dimension(_moment_degree(k, n_inside))
+    numbers, n_total = coefficient_numbers(corners_tp, n_sides, k + 1)
+    n_boundary = n_sides * (k + 1)
+    n_inside = n_total - n_boundary
+    target = moments_of_basis(shapes.geometry, k, k - 1, shapes.elliptic_cad)
+    n_moments = target.shape[1]
     stiffness, moments = _assemble(shapes, numbers, n_total, n_moments)
 
     known = np.zeros((n_boundary, shapes.n_basis))
-    known[:, :n_boundary] = boundary_coefficients(n_sides, k)
-    target = moments_of_basis(shapes.geometry, k, k, shapes.elliptic_cad)[:, :n_moments]
+    known[:, : n_sides * k] = boundary_coefficients(n_sides, k + 1, k)
     matrix = np.zeros((len(shapes), n_inside + n_moments, n_inside + n_moments))
     matrix[:, :n_inside, :n_inside] = stiffness[:, n_boundary:, n_boundary:]
     matrix[:, n_inside:, :n_inside] = moments[:, :, n_boundary:]
@@ -108,30 +105,22 @@ def reconstruction(shapes: Shapes, corners_tp: Int) -> Float:
     return coefficients
 
 
-def _moment_degree(k: int, n_inside: int) -> int:
-    """Largest degree of prescribed moments, between k - 2 and k, that leaves the minimisation something to choose."""
-    for degree in (k, k - 1):
-        if monomials.dimension(degree) + LEFT_FREE <= n_inside:
-            return degree
-    return k - 2
-
-
 def _assemble(shapes: Shapes, numbers: Int, n_total: int, n_moments: int) -> tuple[Float, Float]:
     """Stiffness (n_shapes, n_total, n_total) of the Laplacian and moments (n_shapes, n_moments, n_total) over the
     scaled polygons."""
-    k = shapes.order
-    barycentric, weights = triangle(2 * k)
+    degree = shapes.order + 1
+    barycentric, weights = triangle(2 * degree)
     gradients, area = barycentric_gradients(shapes.triangles_ctpx)
-    slopes = bernstein_gradients(k, barycentric)
+    slopes = bernstein_gradients(degree, barycentric)
     # on the reference triangle, for every pair of barycentric directions; then by the directions' scalar products
     reference = np.einsum("q,qnp,qmr->prnm", weights, slopes, slopes).reshape(9, -1)
     products = area[..., None, None] * (gradients @ np.swapaxes(gradients, 2, 3))
     local = (products.reshape(len(shapes), len(numbers), 9) @ reference).reshape(*area.shape, slopes.shape[1], -1)
-    m = monomials.values(k, shapes.scaled_points(barycentric))[..., :n_moments]
+    m = monomials.values(shapes.order, shapes.scaled_points(barycentric))[..., :n_moments]
     m = m.reshape(len(shapes), len(numbers), len(weights), n_moments)
     scaled_area = area / shapes.geometry.diameter_c[:, None] ** 2
     local_moments = scaled_area[..., None, None] * (
-        np.swapaxes(m, 2, 3) @ (weights[:, None] * bernstein(k, barycentric))
+        np.swapaxes(m, 2, 3) @ (weights[:, None] * bernstein(degree, barycentric))
     )
     stiffness = np.zeros((len(shapes), n_total, n_total))
     moments = np.zeros((len(shapes), n_moments, n_total))

@@ -112,17 +112,19 @@ def _on_side(a: int, b: int, power_a: int, power_b: int) -> tuple[int, ...]:
     return (a, b, power_a, power_b) if a < b else (b, a, power_b, power_a)
 
 
-def boundary_coefficients(n_sides: int, degree: int) -> Float:
-    """Boundary coefficients (n_sides degree, n_sides degree) from vertex values and Gauss-Lobatto values of sides."""
+def boundary_coefficients(n_sides: int, degree: int, k: int) -> Float:
+    """Boundary coefficients (n_sides degree, n_sides k) of degree ``degree`` of the functions of degree k on each side
+    that have given values at vertices and Gauss-Lobatto points."""
     points = np.linspace(0.0, 1.0, degree + 1)
     along = bernstein(degree, np.stack([1.0 - points, points, np.zeros_like(points)], axis=1))
     on_side = [n for n, powers in enumerate(exponents(degree).tolist()) if powers[2] == 0]
-    from_values = np.linalg.solve(along[:, on_side], edge_basis(degree, points))
-    result = np.eye(n_sides * degree)
+    from_values = np.linalg.solve(along[:, on_side], edge_basis(k, points))
+    result = np.zeros((n_sides * degree, n_sides * k))
+    result[:n_sides, :n_sides] = np.eye(n_sides)
     for s in range(n_sides):
-        first = n_sides + s * (degree - 1)
-        inside = np.arange(first, first + degree - 1)
-        result[np.ix_(inside, [s, *inside, (s + 1) % n_sides])] = from_values[1:degree]
+        rows = n_sides + s * (degree - 1) + np.arange(degree - 1)
+        inside = n_sides + s * (k - 1) + np.arange(k - 1)
+        result[np.ix_(rows, [s, *inside, (s + 1) % n_sides])] = from_values[1:degree]
     return result
 
 
