@@ -1,7 +1,8 @@
 """Checkpoints: everything needed to go on with a run, on any number of ranks.
 
-A checkpoint is a NumPy archive that appears whole or not at all; the one before it is kept. (Not HDF5: where dolfinx is
-loaded too, its parallel HDF5 library and the serial one of h5py do not get on in one process.)
+A checkpoint is a NumPy archive that appears whole or not at all; the one before it is kept. With several ranks, each
+writes its own nodes as a part; the archive of rank 0, which names the parts and their checksums, appears last. (Not
+HDF5: where dolfinx is loaded too, its parallel HDF5 library and the serial one of h5py do not get on in one process.)
 
 Nodal values are stored with labels that do not depend on the distribution (coordinates, and a number that tells moments
 of a cell apart), so a run may go on with another number of ranks.
@@ -26,8 +27,8 @@ from tmc_vem.files import whole_file
 
 Float = NDArray[np.float64]
 
-CHECKPOINT, BEFORE = "checkpoint.npz", "checkpoint-before.npz"
-SCHEMA = 2
+CHECKPOINT, BEFORE, PARTS = "checkpoint.npz", "checkpoint-before.npz", "checkpoint-part-*.npz"
+SCHEMA = 3
 _ARRAYS = ("labels_nz", "states_sni")
 # Labels of the same node may differ by rounding; this fraction of the domain is far below any node spacing.
 TOLERANCE = 1e-9
@@ -47,25 +48,45 @@ class Checkpoint:
     labels_nz: Float
     states_sni: Float
 
-    def write(self, directory: Path) -> None:
+    def write(self, directory: Path, parts: Mapping[str, str] | None = None) -> None:
         """Write into a run directory; the last good checkpoint stays if this fails.
+
+        Args:
+            directory: run directory.
+            parts: checksums of the other ranks' parts by file name, from :meth:`write_part`.
 
         Raises:
             TmcError: the disk is full or the directory cannot be written.
         """
+        parts, before = dict(parts or {}), directory / BEFORE
+        self._write(directory / CHECKPOINT, parts, keep=before)
+        for old in directory.glob(PARTS):
+            if old.name not in {*parts, *_parts_of(before)}:
+                old.unlink(missing_ok=True)
+
+    def write_part(self, directory: Path, name: str) -> str:
+        """Write the nodes of one rank under a name of their own; their checksum.
+
+        Raises:
+            TmcError: the disk is full or the directory cannot be written.
+        """
+        self._write(directory / name, {})
+        return self._digest()
+
+    def _write(self, path: Path, parts: Mapping[str, str], keep: Path | None = None) -> None:
         try:
-            with whole_file(directory / CHECKPOINT, keep=directory / BEFORE) as temporary:
+            with whole_file(path, keep=keep) as temporary:
                 # made in memory: the archive's writer would complain a second time, later, if the disk is full
                 archive = io.BytesIO()
                 np.savez(
                     archive, schema=SCHEMA, facts=json.dumps(self.facts), sha256=self._digest(),
-                    labels_nz=self.labels_nz, states_sni=self.states_sni,
+                    parts=json.dumps(parts), labels_nz=self.labels_nz, states_sni=self.states_sni,
                 )  # fmt: skip
                 temporary.write_bytes(archive.getbuffer())
         except OSError as error:
             reason = error.strerror or str(error)
             raise TmcError(
-                f"the checkpoint in {directory} could not be written ({reason}); the last one is intact"
+                f"the checkpoint in {path.parent} could not be written ({reason}); the last one is intact"
             ) from error
 
     @staticmethod
@@ -79,8 +100,8 @@ class Checkpoint:
         for name in (CHECKPOINT, BEFORE):
             try:
                 return _read(directory / name)
-            except FileNotFoundError:
-                problems.append(f"no {name}")
+            except FileNotFoundError as missing:
+                problems.append(f"no {Path(missing.args[0]).name}")
             except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
                 problems.append(f"{name} is damaged ({error})")
         raise InputError(f"{directory} has no checkpoint to go on from: {'; '.join(problems)}")
@@ -111,6 +132,15 @@ class Checkpoint:
         return digest.hexdigest()
 
 
+def _parts_of(path: Path) -> list[str]:
+    """Names of the parts of a checkpoint, as far as it can be read."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return list(json.loads(str(file["parts"])))
+    except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
+        return []
+
+
 def _read(path: Path) -> Checkpoint:
     if not path.exists():
         raise FileNotFoundError(path)
@@ -120,4 +150,14 @@ def _read(path: Path) -> Checkpoint:
         checkpoint = Checkpoint(json.loads(str(file["facts"])), *(np.array(file[key]) for key in _ARRAYS))
         if checkpoint._digest() != str(file["sha256"]):
             raise ValueError("its checksum is wrong")
-    return checkpoint
+        parts: dict[str, str] = json.loads(str(file["parts"]))
+    pieces = [checkpoint]
+    for name, digest in parts.items():
+        pieces.append(_read(path.with_name(name)))
+        if pieces[-1]._digest() != digest:
+            raise ValueError(f"its part {name} is another one")
+    return Checkpoint(
+        checkpoint.facts,
+        np.concatenate([piece.labels_nz for piece in pieces]),
+        np.concatenate([piece.states_sni for piece in pieces], axis=1),
+    )

@@ -15,6 +15,10 @@ class InputError(TmcError):
     exit_code = 2
 
 
+class EvaluationError(TmcError):
+    """The potential could not be evaluated at a state; raised on all ranks, whichever failed, and all cut the step."""
+
+
 class ConvergenceError(TmcError):
     """The load could not be applied in full; what converged is kept. Exit code 3."""
 

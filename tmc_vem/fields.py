@@ -111,6 +111,23 @@ def write_vtu(path: Path, fields: Fields) -> None:
         mesh.write(temporary)
 
 
+def write_pvtu(path: Path, pieces: Sequence[str]) -> None:
+    """Write the file that puts the pieces of several ranks, files of :func:`write_vtu` beside it, together."""
+    per_cell = "".join(
+        f'      <PDataArray type="{kind}" Name="{name}"/>\n'
+        for name, kind in (("J", "Float64"), ("min_J", "Float64"), ("energy_density", "Float64"), ("region", "Int64"))
+    )
+    sources = "".join(f'    <Piece Source="{name}"/>\n' for name in pieces)
+    path.write_text(
+        '<?xml version="1.0"?>\n<VTKFile type="PUnstructuredGrid" version="0.1" byte_order="LittleEndian">\n'
+        '  <PUnstructuredGrid GhostLevel="0">\n'
+        '    <PPoints>\n      <PDataArray type="Float64" NumberOfComponents="3"/>\n    </PPoints>\n'
+        '    <PPointData>\n      <PDataArray type="Float64" Name="displacement" NumberOfComponents="3"/>\n'
+        f"    </PPointData>\n    <PCellData>\n{per_cell}    </PCellData>\n{sources}"
+        "  </PUnstructuredGrid>\n</VTKFile>\n"
+    )
+
+
 def write_pvd(path: Path, entries: Sequence[tuple[float, Sequence[str]]]) -> None:
     """Write a ParaView collection: load factors, each with the files of its parts relative to ``path``."""
     datasets = "".join(

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.fields import Fields, Polygons, write_pvd, write_vtu
+from tmc_vem.fields import Fields, Polygons, write_pvd, write_pvtu, write_vtu
 from tmc_vem.parallel import on_every_rank, on_root
 from tmc_vem.results import COLLECTION, FIELDS
 
@@ -56,7 +56,7 @@ def gather_fields(source: FieldSource, u: Any) -> Fields | None:
 
 
 class SnapshotWriter:
-    """Writes VTU files of selected load steps, one a rank, and the PVD collection that ParaView opens.
+    """Writes VTU files of selected load steps, a piece a rank, and the PVD collection that ParaView opens.
 
     Args:
         source: the discretisation.
@@ -88,14 +88,16 @@ class SnapshotWriter:
             return
         self._pending = [wanted for wanted in self._pending if wanted > load + 1e-9]
         comm = self.source.comm
-        part = f"_{comm.rank}" if comm.size > 1 else ""
-        path = self.directory / FIELDS / f"step_{step:05d}{part}.vtu"
+        here = self.directory / FIELDS
+        whole = f"step_{step:05d}.{'vtu' if comm.size == 1 else 'pvtu'}"
+        pieces = [f"step_{step:05d}_{rank}.vtu" for rank in range(comm.size)] if comm.size > 1 else [whole]
         fields = fields_of(self.source, u, self._polygons)
-        on_every_rank(comm, lambda: write_vtu(path, fields))
-        names = [
-            f"{FIELDS}/step_{step:05d}{f'_{rank}' if comm.size > 1 else ''}.vtu"
-            for rank, n_cells in enumerate(comm.allgather(self._polygons.n_cells))
-            if n_cells
-        ]
-        self.entries.append((load, names))
-        on_root(comm, lambda: write_pvd(self.directory / COLLECTION, self.entries))
+        on_every_rank(comm, lambda: write_vtu(here / pieces[comm.rank], fields))
+        filled = [name for name, n_cells in zip(pieces, comm.allgather(self._polygons.n_cells), strict=True) if n_cells]
+        self.entries.append((load, [f"{FIELDS}/{whole}"]))
+        on_root(comm, lambda: self._collect(here / whole, filled))
+
+    def _collect(self, whole: Path, pieces: Sequence[str]) -> None:
+        if self.source.comm.size > 1:
+            write_pvtu(whole, pieces)
+        write_pvd(self.directory / COLLECTION, self.entries)

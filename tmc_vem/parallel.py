@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import pickle
+import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 T = TypeVar("T")
+PATIENCE = 20.0  # seconds
 
 
 def on_root(comm: Any, make: Callable[[], T]) -> T | None:
@@ -28,6 +30,20 @@ def on_every_rank(comm: Any, make: Callable[[], T]) -> T:
         if raised is not None:
             raise raised
     return result  # type: ignore[return-value]
+
+
+def leave_together(comm: Any, code: int) -> None:
+    """Return when all ranks have come here to end with an error; end them all if one does not come.
+
+    Errors of our own are raised on all ranks. Should one of them slip out on some ranks only, the others would wait for
+    ever in a call that those never make.
+    """
+    all_here = comm.Ibarrier()
+    deadline = time.monotonic() + PATIENCE
+    while not all_here.Test():
+        if time.monotonic() > deadline:
+            comm.Abort(code)
+        time.sleep(0.01)
 
 
 def _attempt(make: Callable[[], T]) -> tuple[T | None, Exception | None]:

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.balance import balance
 from tmc_vem.checkpoint import Checkpoint
 from tmc_vem.constraints import Gap
 from tmc_vem.errors import TmcError
 from tmc_vem.monitor import Monitor
 from tmc_vem.output import SnapshotWriter, gather_fields
-from tmc_vem.parallel import on_root
+from tmc_vem.parallel import on_every_rank, on_root
 from tmc_vem.plausibility import warnings_of
 from tmc_vem.problems.base import Problem
 from tmc_vem.provenance import versions
@@ -27,6 +28,7 @@ from tmc_vem.solve.stepping import Position, Step, SteppingResult
 from tmc_vem.timing import Timer
 
 Float = NDArray[np.float64]
+LARGEST_GATHERED = 200_000  # cells, about 1.6 million degrees of freedom for k = 2
 
 
 class Recorder:
@@ -125,13 +127,16 @@ class Recorder:
         position["stiffer"] = tuple(tuple(pair) for pair in position["stiffer"])
         return states, Position(**position)
 
-    def finish(self, outcome: SteppingResult, u: Any, residual: Any) -> RunResult:
+    def finish(self, outcome: SteppingResult, u: Any, residual: Any, linear: Mapping[str, Any]) -> RunResult:
         """Check the last state, draw it and write result.json.
+
+        The check for interpenetration and the picture need the whole state on rank 0: up to LARGEST_GATHERED cells.
 
         Args:
             outcome: how the load stepping ended.
             u: the last converged state.
             residual: work vector, overwritten.
+            linear: name of the linear solver and its iterations.
         """
         with self.timer("output"):
             if self._snapshots is not None and self.history and self.directory is not None:
@@ -141,12 +146,14 @@ class Recorder:
             imbalance = self._imbalance(residual)
             share = self.system.cell_energies(u).sum() - self.system.cell_energies(u, without="alpha_r").sum()
             regulariser = float(self.system.comm.allreduce(share))
-            fields = gather_fields(self.system, u)
-            checks = None
-            if fields is not None:
+            checks: dict[str, Any] = {"imbalance": imbalance, "regulariser_energy": regulariser}
+            n_cells = self.system.n_cells_global
+            fields = gather_fields(self.system, u) if n_cells <= LARGEST_GATHERED else None
+            if n_cells > LARGEST_GATHERED:
+                checks["summary"] = f"not checked: {n_cells} cells, more than {LARGEST_GATHERED}"
+            elif fields is not None:
                 contact = check_contact(fields, self._order)
-                checks = {**contact.as_dict(), "summary": contact.summary(), "imbalance": imbalance}
-                checks["regulariser_energy"] = regulariser
+                checks |= {**contact.as_dict(), "summary": contact.summary()}
                 if self.directory is not None:
                     from tmc_vem.report.figures import draw_deformed
 
@@ -168,8 +175,9 @@ class Recorder:
             newton_iterations=sum(r.iterations + r.wasted_iterations for r in history) + outcome.failed_iterations,
             cut_backs=sum(r.cut_backs for r in history) + outcome.failed_attempts,
             projection_degrees={str(degree): count for degree, count in self.system.projection_degrees().items()},
-            checks=checks or {},
-            warnings=self.warnings + warnings_of(self.inputs, history, checks or {}, media, self.system.size),
+            checks=checks,
+            parallel=balance(self.system.comm, self.system.work()) | dict(linear),
+            warnings=self.warnings + warnings_of(self.inputs, history, checks, media, self.system.size),
             seconds=self.timer.report(),
             history=history,
             directory=None if self.directory is None else self.directory.path,
@@ -192,10 +200,11 @@ class Recorder:
         return float(resultant) / largest if largest else 0.0
 
     def _write_checkpoint(self, states: States, position: Position) -> None:
-        parts = self.system.comm.gather((self.system.node_labels(), np.array([_nodal(u) for u in states.vectors])))
-        error: TmcError | None = None
-        if parts is not None:
-            assert self.directory is not None
+        """Each rank writes its own nodes; only names and checksums travel to rank 0."""
+        assert self.directory is not None
+        comm, path = self.system.comm, self.directory.path
+        facts: dict[str, Any] = {}
+        if self._on_root:
             facts = {
                 "inputs": self.inputs,
                 "position": asdict(position),
@@ -203,15 +212,11 @@ class Recorder:
                 "history": [asdict(record) for record in self.history],
                 "snapshots": self._snapshots.entries if self._snapshots else [],
             }
-            labels = np.concatenate([part[0] for part in parts])
-            values = np.concatenate([part[1] for part in parts], axis=1)
-            try:
-                Checkpoint(facts, labels, values).write(self.directory.path)
-            except TmcError as raised:
-                error = raised
-        error = self.system.comm.bcast(error)
-        if error is not None:
-            raise error
+        mine = Checkpoint(facts, self.system.node_labels(), np.array([_nodal(u) for u in states.vectors]))
+        part = None if self._on_root else f"checkpoint-part-{position.number:06d}-{comm.rank}.npz"
+        checksum = on_every_rank(comm, lambda: part and mine.write_part(path, part))
+        parts = comm.gather((part, checksum))
+        on_root(comm, lambda: mine.write(path, {key: value for key, value in parts if key}))
 
     def _distance(self, u: Any) -> float | None:
         if self._gap is None:

@@ -122,6 +122,7 @@ class RunResult:
         checks: interpenetration, gap along contact, imbalance of the reactions and the regulariser's part of the
             medium's energy at the last converged step, see :class:`tmc_vem.report.contact.ContactReport`.
         warnings: what is doubtful about the result, in sentences; see :mod:`tmc_vem.plausibility`.
+        parallel: ranks, linear solver, imbalance and peak memory, see :func:`tmc_vem.balance.balance`.
         seconds: wall time by phase.
         history: the load steps.
         directory: where the run was written, or None.
@@ -141,6 +142,7 @@ class RunResult:
     history: Sequence[StepRecord] = field(repr=False)
     directory: Path | None = None
     checks: Mapping[str, Any] = field(default_factory=dict)
+    parallel: Mapping[str, Any] = field(default_factory=dict)
     warnings: Sequence[str] = ()
 
     @property
@@ -207,6 +209,7 @@ class RunResult:
             "negative_pivots": last.negative_pivots if last else None,
             "projection_degrees": dict(self.projection_degrees),
             "checks": dict(self.checks),
+            "parallel": dict(self.parallel),
             "warnings": list(self.warnings),
             "seconds": dict(self.seconds),
             "inputs": dict(self.inputs),
@@ -232,7 +235,8 @@ class RunResult:
                 history = [StepRecord.from_row(row) for row in csv.DictReader(file)]
             names = ("inputs", "versions", "complete", "reason", "load", "n_cells", "n_dofs", "newton_iterations",
                      "cut_backs", "projection_degrees", "seconds")  # fmt: skip
-            later = {name: data[name] for name in ("checks", "warnings") if name in data}  # not in the first runs
+            optional = ("checks", "parallel", "warnings")  # not in the first runs
+            later = {name: data[name] for name in optional if name in data}
             return RunResult(**{name: data[name] for name in names}, history=history, directory=path, **later)
         except OSError as error:
             raise InputError(f"{path} is not a run directory: {error.strerror} ({error.filename})") from None
@@ -303,6 +307,8 @@ class RunDirectory:
                 shutil.rmtree(target)
             else:
                 target.unlink(missing_ok=True)
+        for part in self.path.glob("checkpoint-part-*.npz"):
+            part.unlink()
         (self.path / FIELDS).mkdir()
         if command is not None:
             write_atomically(self.path / COMMAND, json.dumps(command, indent=2) + "\n")

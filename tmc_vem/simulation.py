@@ -10,7 +10,7 @@ from typing import Any
 from tmc_vem.errors import InputError, TmcError
 from tmc_vem.fem.settings import FemSettings
 from tmc_vem.monitor import Monitor
-from tmc_vem.parallel import on_root
+from tmc_vem.parallel import on_every_rank, on_root
 from tmc_vem.problems.base import Problem, RegionEnergy
 from tmc_vem.results import RunDirectory, RunResult
 from tmc_vem.solve.path import Control, ControlPath
@@ -21,6 +21,9 @@ from tmc_vem.vem.element import ElementSettings
 METHODS = ("vem", "fem")
 # How long a branch may be, in units of the load, with fields written along all of it.
 LONGEST_BRANCH = 10
+# Work of a medium's cell relative to a solid's, all of a Newton iteration but the linear solve; second derivatives make
+# its tangent dearer (benchmarks/scaling.py cells).
+MEDIUM_COST = 2.0
 CONTINUED = ("gamma", "alpha_r")
 
 
@@ -34,6 +37,7 @@ class RunOptions:
         fem: order, quadrature and interior penalty of the Lagrange elements.
         steps: equal load steps, or None for automatic ones.
         largest_step: largest automatic step, as a fraction of the load.
+        solver: linear solver, 'direct', 'reproducible', 'iterative' or a file of PETSc options.
         path: load factors to go through one after another: (0, 1, 0) loads and unloads.
         output_loads: load factors to hit exactly and write, besides those of the path.
         continuation: values of the medium's gamma or alpha_r that the first leg of the path is gone with; at its end
@@ -52,6 +56,7 @@ class RunOptions:
     fem: FemSettings = field(default_factory=FemSettings)
     steps: int | None = None
     largest_step: float = 0.1
+    solver: str = "direct"
     path: tuple[float, ...] = (0.0, 1.0)
     output_loads: tuple[float, ...] = ()
     continuation: Mapping[str, float] = field(default_factory=dict)
@@ -146,7 +151,7 @@ def run(
         if out is not None:
             directory = comm.bcast(on_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume)))
         system = discretise(problem, options, comm)
-        solver = NewtonSolver(system, timer=timer)
+        solver = NewtonSolver(system, timer=timer, solver=options.solver)
     if directory is not None:
         directory.path.mkdir(parents=True, exist_ok=True)
         lock = on_root(comm, lambda: DirectoryLock(directory.path))
@@ -190,7 +195,8 @@ def run(
             except TmcError:
                 monitor.aborted()
                 raise
-        result = recorder.finish(outcome, u, solver.residual)
+        linear = {"solver": options.solver, "linear_iterations": solver.linear_iterations}
+        result = recorder.finish(outcome, u, solver.residual, linear)
     finally:
         if lock is not None:
             lock.release()
@@ -249,8 +255,12 @@ def discretise(problem: Problem, options: RunOptions, comm: Any) -> Any:
     from tmc_vem.vem.blocks import RegionKernel
     from tmc_vem.vem.system import VemSystem
 
-    kernels = {name: RegionKernel(*compile_region(region)) for name, region in problem.regions().items()}
-    return VemSystem(distribute(comm, problem.make_mesh), kernels, problem.prescribed(), options.element)
+    kernels = on_every_rank(
+        comm, lambda: {name: RegionKernel(*compile_region(region)) for name, region in problem.regions().items()}
+    )
+    costs = {name: MEDIUM_COST for name, region in problem.regions().items() if region.is_medium}
+    mesh = distribute(comm, problem.make_mesh, costs)
+    return VemSystem(mesh, kernels, problem.prescribed(), options.element)
 
 
 def compile_region(region: RegionEnergy) -> tuple[Any, Any]:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from helpers_process import clean_environment, tmc
 
-from tmc_vem.checkpoint import BEFORE, CHECKPOINT, Checkpoint
+from tmc_vem.checkpoint import BEFORE, CHECKPOINT, PARTS, Checkpoint
 from tmc_vem.errors import InputError, TmcError
 
 COMMAND = [sys.executable, "-c", "from tmc_vem.cli.main import main; main()"]
@@ -102,6 +102,47 @@ def test_round_trip(tmp_path: Path) -> None:
     previous, state = again.values_at(checkpoint().labels_nz[::-1])
     np.testing.assert_array_equal(state, checkpoint().states_sni[1, ::-1])
     np.testing.assert_array_equal(previous, 0.5 * state)
+
+
+def in_parts(directory: Path, value: float, ranks: int) -> None:
+    """Write a checkpoint as that many ranks do, the nodes of rank r moved by 10 r in x."""
+    parts = {}
+    for rank in range(1, ranks):
+        mine = checkpoint(value)
+        name = f"checkpoint-part-{int(value):06d}-{rank}.npz"
+        moved = Checkpoint({}, mine.labels_nz + np.array([10, 0, 0]) * rank, mine.states_sni)
+        parts[name] = moved.write_part(directory, name)
+    checkpoint(value).write(directory, parts)
+
+
+def test_parts_of_ranks_make_one_checkpoint_and_old_ones_go(tmp_path: Path) -> None:
+    for value in (1.0, 2.0, 3.0):
+        in_parts(tmp_path, value, ranks=3)
+    again = Checkpoint.read(tmp_path)
+    assert again.facts == {"number": 3.0}
+    _, state = again.values_at(np.array([[10.0, 0, 0], [20.0, 0, 0]]))
+    np.testing.assert_array_equal(state, [[3.0, 3.0], [3.0, 3.0]])
+    assert len(list(tmp_path.glob(PARTS))) == 4  # of the last two
+    checkpoint(4.0).write(tmp_path)
+    assert len(list(tmp_path.glob(PARTS))) == 2
+
+
+@pytest.mark.parametrize("damage", ["gone", "flipped", "of another step"])
+def test_a_bad_part_spoils_the_checkpoint(damage: str, tmp_path: Path) -> None:
+    for value in (1.0, 2.0):
+        in_parts(tmp_path, value, ranks=2)
+    part = tmp_path / "checkpoint-part-000002-1.npz"
+    if damage == "gone":
+        part.unlink()
+    elif damage == "flipped":
+        content = bytearray(part.read_bytes())
+        content[content.find(np.float64(2.5).tobytes()) + 6] ^= 1
+        part.write_bytes(content)
+    else:
+        part.write_bytes((tmp_path / "checkpoint-part-000001-1.npz").read_bytes())
+    again = Checkpoint.read(tmp_path)
+    assert again.facts == {"number": 1.0}
+    assert len(again.labels_nz) == 6
 
 
 def test_nodes_of_another_mesh_are_refused(tmp_path: Path) -> None:

@@ -84,7 +84,14 @@ def _run(arguments: list[str] | None) -> int:
         hint = f" ('{error.ctx.command_path} --help' explains)" if getattr(error, "ctx", None) else ""  # type: ignore[attr-defined]
         return _report(f"{error.format_message()}{hint}", error.exit_code)
     except (TmcError, CodegenError) as error:
-        return _report(str(error), error.exit_code)
+        _report(str(error), error.exit_code)
+        if _mpi_runs() and _ranks() > 1:
+            from mpi4py import MPI
+
+            from tmc_vem.parallel import leave_together
+
+            leave_together(MPI.COMM_WORLD, error.exit_code)
+        return error.exit_code
     except (KeyboardInterrupt, click.Abort):
         return _report("interrupted", 130)
     except BrokenPipeError:
@@ -117,9 +124,13 @@ def _ranks() -> int:
     return _world()[1]
 
 
+def _mpi_runs() -> bool:
+    return "mpi4py.MPI" in sys.modules
+
+
 def _world() -> tuple[int, int]:
     """Rank and number of ranks, without starting MPI only to say that something was misspelt."""
-    if "mpi4py.MPI" in sys.modules:
+    if _mpi_runs():
         world = sys.modules["mpi4py.MPI"].COMM_WORLD
         return int(world.rank), int(world.size)
     for rank, size in (("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"), ("PMI_RANK", "PMI_SIZE")):

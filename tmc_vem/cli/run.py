@@ -114,6 +114,11 @@ def method_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--snapshots", type=int, default=10, show_default=True, help="Load steps written for ParaView."),
         click.option("--json", "as_json", is_flag=True, help="Print result.json on stdout, and nothing else."),
         click.option("--quiet", is_flag=True, help="No progress display and no summary."),
+        click.option(
+            "--solver", default="direct", show_default=True, metavar="PRESET|FILE",
+            help="Linear solver: direct; reproducible (same bits in every run on as many ranks); iterative; or FILE "
+            "with PETSc options (prefix tmc_).",
+        ),
         click.option("--petsc", default="", metavar="OPTIONS", help="PETSc options, e.g. '-tmc_mat_mumps_icntl_4 2'."),
     ]  # fmt: skip
     return _decorate(command, options)
@@ -249,6 +254,7 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
         method=options["method"],
         **method_settings(options),
         steps=options["steps"],
+        solver=options["solver"],
         path=parse_path(options["path"]),
         output_loads=options["output_loads"],
         continuation=parse_parameters(options["continuation"], "--continuation"),

@@ -170,6 +170,10 @@ class FemSystem:
         """Cells of the whole mesh."""
         return self.mesh.n_cells_global
 
+    def work(self) -> dict[str, float]:
+        """This rank's share of the work."""
+        return {"cells": float(self.mesh.n_owned)}
+
     def projection_degrees(self) -> dict[int, int]:
         """Nothing is projected here."""
         return {}

@@ -3,7 +3,8 @@
 The root rank holds the mesh; DMPlex partitions it, moves the cells, and later numbers the degrees of freedom. PETSc has
 no cell type for a general polygon: marking every cell as a "ghost cell of a finite volume method" is the one that its
 distribution carries through unharmed (3.18). What belongs to cells and vertices (regions, coordinates, original
-numbers) travels along as fields.
+numbers) travels along as fields. Work, not cells, is spread evenly: a cell counts as much as it has sides, times the
+cost of its region. The root drops the whole mesh as soon as it is spread.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ class DistributedMesh:
         cell_points, vertex_points, edge_points: DMPlex points of the local cells, vertices and edges.
         cell_ids, vertex_ids: numbers in the mesh as it was before distribution.
         n_cells_global, n_vertices_global: sizes of the whole mesh.
+        cost_c: expected work of each local cell, which the partitioner has balanced.
     """
 
     comm: MPI.Intracomm
@@ -48,20 +50,25 @@ class DistributedMesh:
     vertex_ids: Int
     n_cells_global: int
     n_vertices_global: int
+    cost_c: NDArray[np.float64]
 
 
-def distribute(comm: MPI.Intracomm, make_mesh: Callable[[], PolygonMesh]) -> DistributedMesh:
+def distribute(
+    comm: MPI.Intracomm, make_mesh: Callable[[], PolygonMesh], costs: Mapping[str, float] | None = None
+) -> DistributedMesh:
     """Make the mesh on the root rank and distribute its cells, each to exactly one rank.
 
     Args:
         comm: communicator; with one rank the same code runs.
         make_mesh: called on rank 0 only.
+        costs: work of a side of a cell by region, 1 by default.
 
     Raises:
         Exception: whatever ``make_mesh`` raises, on every rank.
     """
     mesh = on_root(comm, make_mesh)
     plex, cell_field, vertex_field = _serial_plex(comm, mesh)
+    plex.setSection(_weights(comm, plex, mesh, costs or {}))
     migration = plex.distribute()
     cell_section, cell_data = _distribute_field(comm, plex, migration, 0, cell_field)
     vertex_section, vertex_data = _distribute_field(comm, plex, migration, len(cell_field), vertex_field)
@@ -70,6 +77,7 @@ def distribute(comm: MPI.Intracomm, make_mesh: Callable[[], PolygonMesh]) -> Dis
     sizes = None if mesh is None else (mesh.n_cells, mesh.n_vertices)
     region_names, named_points, named_edges = comm.bcast(names)
     n_cells_global, n_vertices_global = comm.bcast(sizes)
+    del mesh, cell_field, vertex_field
 
     cell_points = np.arange(*plex.getHeightStratum(0))
     edge_points = np.arange(*plex.getDepthStratum(1))
@@ -93,8 +101,26 @@ def distribute(comm: MPI.Intracomm, make_mesh: Callable[[], PolygonMesh]) -> Dis
     counts = np.bincount(cell_edges, minlength=len(edges_ev))
     return DistributedMesh(
         comm, local, Edges(edges_ev, cell_edges, forward, counts), plex, cell_points, vertex_points, edge_points,
-        cells[:, 1].astype(np.int64), vertex_ids, n_cells_global, n_vertices_global,
+        cells[:, 1].astype(np.int64), vertex_ids, n_cells_global, n_vertices_global, cell_costs(local, costs or {}),
     )  # fmt: skip
+
+
+def cell_costs(mesh: PolygonMesh, costs: Mapping[str, float]) -> NDArray[np.float64]:
+    """Expected work (n_cells,) of each cell: its number of sides times the cost of its region."""
+    of_region = np.array([costs.get(name, 1.0) for name in mesh.region_names])
+    work: NDArray[np.float64] = mesh.n_sides_c * of_region[mesh.region_c]
+    return work
+
+
+def _weights(comm: MPI.Intracomm, plex: Any, mesh: PolygonMesh | None, costs: Mapping[str, float]) -> Any:
+    """Section whose numbers of degrees of freedom the partitioner takes for the weights of cells."""
+    section = PETSc.Section().create(comm=comm)
+    section.setChart(*plex.getChart())
+    if mesh is not None:
+        for cell, weight in enumerate(np.rint(10.0 * cell_costs(mesh, costs)).astype(int).tolist()):
+            section.setDof(cell, weight)
+    section.setUp()
+    return section
 
 
 def _serial_plex(comm: MPI.Intracomm, mesh: PolygonMesh | None) -> tuple[Any, NDArray[Any], NDArray[Any]]:

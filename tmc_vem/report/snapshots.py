@@ -16,7 +16,7 @@ from tmc_vem.results import COLLECTION, RunResult, StepRecord
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Load step whose fields were written, one file a rank; ``load`` is its coordinate along the load path."""
+    """Load step whose fields were written, in one file or pieces; ``load`` is its coordinate on the load path."""
 
     load: float
     files: tuple[Path, ...]
@@ -39,8 +39,23 @@ def snapshots(result: RunResult) -> list[Snapshot]:
         raise InputError(f"{path} is not readable: {error}") from None
     by_load: dict[float, list[Path]] = {}
     for entry in entries:
-        by_load.setdefault(float(entry.attrib["timestep"]), []).append(path.parent / entry.attrib["file"])
+        files = _pieces(path.parent / entry.attrib["file"])
+        by_load.setdefault(float(entry.attrib["timestep"]), []).extend(files)
     return [Snapshot(load, tuple(by_load[load])) for load in sorted(by_load)]
+
+
+def _pieces(path: Path) -> list[Path]:
+    """The VTU files of a file of a collection.
+
+    Raises:
+        InputError: it puts pieces together and is not readable.
+    """
+    if path.suffix != ".pvtu":
+        return [path]
+    try:
+        return [path.parent / piece.attrib["Source"] for piece in ElementTree.parse(path).iter("Piece")]
+    except (OSError, ElementTree.ParseError, KeyError) as error:
+        raise InputError(f"{path} is not readable: {error}") from None
 
 
 def nearest(available: list[Snapshot], load: float) -> Snapshot:

@@ -1,40 +1,83 @@
-"""Linear solves: MUMPS on the symmetric tangent by default, anything else through PETSc options (prefix ``tmc_``)."""
+"""Linear solves, all through PETSc options with the prefix ``tmc_``; presets are files of such options.
+
+``direct`` (the default), ``reproducible`` and ``iterative`` are in ``tmc_vem/solve/presets``; any other file will do.
+Options that are in PETSc's database already (from ``--petsc`` or ``PETSC_OPTIONS``) win over those of a preset.
+"""
 
 from __future__ import annotations
 
 import math
+import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from petsc4py import PETSc
 
+from tmc_vem.errors import InputError
+
 PREFIX = "tmc_"
+DIRECT = "direct"
+_PRESETS = Path(__file__).parent / "presets"
+
+
+def preset_names() -> list[str]:
+    """Names of the presets that come with the program."""
+    return sorted(path.stem for path in _PRESETS.glob("*.petsc"))
+
+
+def read_options(solver: str) -> dict[str, str]:
+    """PETSc options, without their dash, of a preset or of a file.
+
+    Raises:
+        InputError: there is neither a preset nor a file of that name, or a line of it is not an option.
+    """
+    path = _PRESETS / f"{solver}.petsc" if solver in preset_names() else Path(solver)
+    try:
+        lines = path.read_text().splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        names = ", ".join(preset_names())
+        raise InputError(f"solver '{solver}' is neither one of {names} nor a readable file ({reason})") from None
+    options = {}
+    for number, line in enumerate(lines, start=1):
+        words = shlex.split(line, comments=True)
+        if not words:
+            continue
+        if not words[0].startswith("-") or len(words) > 2:
+            raise InputError(f"{path}, line {number}: '{line.strip()}' is not '-option value'")
+        options[words[0][1:]] = words[1] if len(words) == 2 else ""
+    return options
 
 
 class LinearSolver:
-    """PETSc KSP for the tangent; the symbolic factorisation is done once, as the pattern never changes.
+    """PETSc KSP for the tangent; its pattern never changes, so symbolic work is done once.
 
-    The default is a direct solve with MUMPS' symmetric factorisation, whose inertia counts negative pivots. Override
-    with PETSc options, for example ``-tmc_ksp_type gmres -tmc_pc_type gamg``.
+    Args:
+        matrix: the tangent.
+        comm: its ranks.
+        solver: a preset, or a file of PETSc options.
+
+    Raises:
+        InputError: there is no such preset or file.
     """
 
-    def __init__(self, matrix: Any, comm: Any) -> None:
+    def __init__(self, matrix: Any, comm: Any, solver: str = DIRECT) -> None:
+        self._options = read_options(solver)
+        self.iterations = 0
         self.ksp = PETSc.KSP().create(comm)
         self.ksp.setOptionsPrefix(PREFIX)
         self.ksp.setOperators(matrix)
-        self.ksp.setType(PETSc.KSP.Type.PREONLY)
-        pc = self.ksp.getPC()
-        pc.setType(PETSc.PC.Type.CHOLESKY)
-        pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
-        pc.setFactorSetUpSolverType()
-        factor = pc.getFactorMatrix()
-        factor.setMumpsIcntl(14, 50)  # extra work space, in percent: pivots that are delayed need it
-        factor.setMumpsIcntl(24, 1)  # report null pivots instead of dividing by them
-        self.ksp.setFromOptions()
+        with self._in_database():
+            self.ksp.setFromOptions()
 
     def solve(self, rhs: Any, out: Any) -> bool:
         """Solve with the matrix's present values; whether it worked."""
         self.ksp.setOperators(self.ksp.getOperators()[0])  # the values changed: factorise again
-        self.ksp.solve(rhs, out)
+        with self._in_database():  # factorisations read their options when they are made
+            self.ksp.solve(rhs, out)
+        self.iterations += self.ksp.getIterationNumber()
         return self.ksp.getConvergedReason() > 0 and math.isfinite(out.norm())
 
     def solve_again(self, rhs: Any, out: Any) -> bool:
@@ -43,8 +86,18 @@ class LinearSolver:
         return self.ksp.getConvergedReason() > 0 and math.isfinite(out.norm())
 
     def negative_pivots(self) -> int | None:
-        """Negative eigenvalues of the last factorised matrix, or None if the solver cannot tell."""
+        """Negative eigenvalues of the last matrix, or None if the solver cannot tell.
+
+        Conjugate gradients tell only that there is one, when they meet a direction of negative curvature: 1 is a lower
+        bound then, and the solve has failed. Meeting none proves nothing.
+        """
+        if self.ksp.getConvergedReason() == PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT:
+            return 1
         pc = self.ksp.getPC()
+        if self.ksp.getType() != PETSc.KSP.Type.PREONLY:  # the factors may be those of another matrix, or rough
+            return None
+        if pc.getType() == PETSc.PC.Type.PYTHON:
+            return int(pc.getPythonContext().negative_pivots(pc))
         if pc.getType() != PETSc.PC.Type.CHOLESKY:
             return None
         try:
@@ -55,3 +108,16 @@ class LinearSolver:
     def destroy(self) -> None:
         """Free the factorisation."""
         self.ksp.destroy()
+
+    @contextmanager
+    def _in_database(self) -> Iterator[None]:
+        """Put the options into PETSc's database where the user has not set them, and take them out again."""
+        database = PETSc.Options()
+        added = {name: value for name, value in self._options.items() if not database.hasName(name)}
+        for name, value in added.items():
+            database.setValue(name, value or None)
+        try:
+            yield
+        finally:
+            for name in added:
+                database.delValue(name)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from tmc_vem.solve.linear import LinearSolver
+from tmc_vem.solve.linear import DIRECT, LinearSolver
 from tmc_vem.solve.protocol import Evaluation, NonlinearSystem
 from tmc_vem.timing import Timer
 
@@ -87,16 +87,18 @@ class NewtonSolver:
         options: tolerances and limits.
         timer: collects the time of each phase.
         on_iteration: called after every iteration, for a progress display.
+        solver: preset or file of options of the linear solver, see :mod:`tmc_vem.solve.linear`.
     """
 
     system: NonlinearSystem
     options: NewtonOptions = field(default_factory=NewtonOptions)
     timer: Timer = field(default_factory=Timer)
     on_iteration: Callable[[Iteration], None] | None = None
+    solver: str = DIRECT
 
     def __post_init__(self) -> None:
         self._matrix = self.system.create_matrix()
-        self._linear = LinearSolver(self._matrix, self.system.comm)
+        self._linear = LinearSolver(self._matrix, self.system.comm, self.solver)
         self.residual = self.system.create_vector()
         self._direction = self.system.create_vector()
         self._trial = self.system.create_vector()
@@ -105,6 +107,11 @@ class NewtonSolver:
         self._diagonal = self._matrix.createVecLeft()
         self._last_shift = 0.0
         self.iterations_done = 0  # since the solver was made, whatever became of them
+
+    @property
+    def linear_iterations(self) -> int:
+        """Iterations of the linear solver so far; one a solve with a factorisation."""
+        return self._linear.iterations
 
     def set_prescribed(self, u: Any, load: float) -> None:
         """Write the prescribed displacements of a load factor into ``u``."""

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from tmc_vem.errors import InputError
+from tmc_vem.errors import EvaluationError, InputError
 from tmc_vem.solve.budget import OutOfBudget
 from tmc_vem.solve.newton import NewtonResult, NewtonSolver
 from tmc_vem.solve.path import Control, ControlPath, load_path
+from tmc_vem.solve.protocol import Evaluation
 from tmc_vem.solve.states import ORDER, States
 
 DONE = 1e-12
@@ -153,7 +155,7 @@ class LoadStepper:
         try:
             while position.time < self.path.end - DONE:
                 target, self._far = self._target(position), False
-                result = self._attempt(u, states, trial, position.time, target)
+                result = _outcome(self._attempt, u, states, trial, position.time, target)
                 jumped = self._far
                 if not result.converged:
                     cut_backs += 1
@@ -162,7 +164,7 @@ class LoadStepper:
                         continue
                     # the branch that was followed may have ended, at a limit point or a bifurcation
                     target, jumped = self._target(replace(position, size=JUMP * self.options.smallest)), True
-                    other = self._other_branch(u, trial, position.time, target)
+                    other = _outcome(self._other_branch, u, trial, position.time, target)
                     if not other.converged:
                         self._control(position.time)
                         stiffer = self._stiffen(position)
@@ -335,3 +337,11 @@ class LoadStepper:
         if taken < (1.0 - 1e-6) * position.size and iterations <= wanted:  # short only because something had to be hit
             return position.size
         return min(options.largest, taken * factor)
+
+
+def _outcome(attempt: Callable[..., NewtonResult], *arguments: Any) -> NewtonResult:
+    """Result of an attempt; it has failed, on all ranks alike, where the potential cannot be evaluated."""
+    try:
+        return attempt(*arguments)
+    except EvaluationError as error:
+        return NewtonResult(False, str(error), Evaluation(math.nan, {}, str(error)))

@@ -9,7 +9,7 @@ which skips constrained entries and sends what belongs to other ranks.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,14 +76,31 @@ class MatrixInsertion:
             dofs = np.where(is_constrained[dofs], -1, dofs).astype(PETSc.IntType)
             self._parts.append(_Part(block, direct, positions, others, dofs))
 
-    def assemble(self, u_ni: Float, matrix: Any, constrained: Int) -> None:
-        """Tangent (56) at ``u_ni``, with the identity at the local degrees of freedom ``constrained`` of this rank."""
+    def assemble(
+        self, u_ni: Float, matrix: Any, constrained: Int, together: Callable[[Callable[[], None]], None]
+    ) -> None:
+        """Tangent (56) at ``u_ni``, with the identity at the local degrees of freedom ``constrained`` of this rank.
+
+        Args:
+            u_ni: (n_nodes, 2) displacements of this rank's nodes.
+            matrix: one of the pattern.
+            constrained: local degrees of freedom.
+            together: calls a function that does not communicate, and raises on all ranks what it raises on one.
+        """
         matrix.zeroEntries()
+        try:
+            together(lambda: self._insert_others(u_ni, matrix, constrained))
+        finally:
+            matrix.assemble()
+        together(lambda: self._add_directly(u_ni, matrix))
+
+    def _insert_others(self, u_ni: Float, matrix: Any, constrained: Int) -> None:
         for part in self._parts:
             self._insert(part, u_ni, matrix)
         for dof in constrained.tolist():
             matrix.setValueLocal(dof, dof, 1.0, addv=PETSc.InsertMode.ADD_VALUES)
-        matrix.assemble()
+
+    def _add_directly(self, u_ni: Float, matrix: Any) -> None:
         if any(part.direct.n_cells for part in self._parts):
             diagonal = _diagonal_block(matrix)
             values = _values(diagonal, self._n_values)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import functools
+import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from mpi4py import MPI
@@ -14,7 +15,7 @@ from petsc4py import PETSc
 from codegen.batch import Tangents
 from codegen.kernel import CellValues
 from tmc_vem.constraints import Prescribed
-from tmc_vem.errors import InputError
+from tmc_vem.errors import EvaluationError, InputError
 from tmc_vem.fields import Polygons
 from tmc_vem.memory import give_back
 from tmc_vem.mesh.distribute import DistributedMesh
@@ -31,6 +32,7 @@ from tmc_vem.vem.tables import points_and_values
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+T = TypeVar("T")
 
 
 class VemSystem:
@@ -69,6 +71,7 @@ class VemSystem:
         self.blocks = make_blocks(distributed, self.dofmap, groups, kernels)
         self.size = self._extent()
         self._load_nodes: Float | None = None
+        self._kernel_seconds = 0.0
         self._insertion: MatrixInsertion | None = None
         self._tangent_state: Float | None = None
         # positions of owned constrained entries in this rank's part of a global vector
@@ -96,6 +99,7 @@ class VemSystem:
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
+        matrix.setNearNullSpace(self._rigid_motions())
         if self._insertion is None:
             is_constrained = np.zeros(2 * self.dofmap.n_nodes, dtype=bool)
             is_constrained[self._constrained_local] = True
@@ -123,13 +127,13 @@ class VemSystem:
     def energy(self, u: Any) -> Evaluation:
         """Potential at ``u``."""
         u_nodes = self._local_values(u)
-        return self._evaluation(self._evaluate(u_nodes), u_nodes)
+        return self._evaluation(self._together(lambda: self._evaluate(u_nodes)), u_nodes)
 
     def residual(self, u: Any, out: Any) -> Evaluation:
         """Full gradient of the potential into ``out``; its constrained entries are the reactions."""
         u_nodes = self._local_values(u)
         total = np.zeros((self.dofmap.n_nodes, 2)) if self._load_nodes is None else -self._load_nodes
-        values = self._evaluate(u_nodes, total)
+        values = self._together(lambda: self._evaluate(u_nodes, total))
         self._add(total.ravel(), out)
         return self._evaluation(values, u_nodes)
 
@@ -138,11 +142,12 @@ class VemSystem:
 
         Raises:
             ValueError: ``out`` is not from :meth:`create_matrix`.
+            EvaluationError: a kernel failed on this or on another rank.
         """
         if self._insertion is None:
             raise ValueError("the matrix must be one of create_matrix()")
         self._tangent_state = self._local_values(u).copy()
-        self._insertion.assemble(self._tangent_state, out, self._owned_local)
+        self._insertion.assemble(self._tangent_state, out, self._owned_local, self._together)
 
     def tangent_action(self, du: Any, out: Any) -> None:
         """Product of the last tangent, without boundary conditions, and ``du``.
@@ -151,27 +156,28 @@ class VemSystem:
         """
         if self._tangent_state is None:
             raise ValueError("there is no tangent yet: call jacobian() first")
-        du_nodes = self._local_values(du)
-        moves = du_nodes.any(axis=1)
+        du_nodes, state = self._local_values(du), self._tangent_state
         total = np.zeros((self.dofmap.n_nodes, 2))
+        self._together(lambda: self._add_products(state, du_nodes, total))
+        self._add(total.ravel(), out)
+
+    def _add_products(self, u_nodes: Float, du_nodes: Float, total: Float) -> None:
+        moves = du_nodes.any(axis=1)
         for block in self.blocks:
             moving, n = np.flatnonzero(moves[block.batch.nodes_ca].any(axis=1)), 2 * block.batch.n_basis
             for first in range(0, len(moving), CHUNK):
                 batch = block.batch.take(moving[first : first + CHUNK])
                 dense = np.empty((batch.n_cells, n, n))
-                block.kernel.cells(batch, self._tangent_state, block.parameters, None, Tangents(dense))
+                block.kernel.cells(batch, u_nodes, block.parameters, None, Tangents(dense))
                 products = dense @ du_nodes[batch.nodes_ca].reshape(-1, n, 1)
                 np.add.at(total, batch.nodes_ca, products.reshape(-1, n // 2, 2))
-        self._add(total.ravel(), out)
 
     def max_step(self, u: Any, du: Any) -> float:
         """Largest s with J > 0 at every quadrature point along u + t du, t < s."""
         u_nodes = self._local_values(u).copy()
         du_nodes = self._local_values(du)
-        step = np.inf
-        for block in self.blocks:
-            step_c = block.kernel.max_step(block.batch, u_nodes, du_nodes)
-            step = min(step, float(step_c.min(initial=np.inf)))
+        steps = self._together(lambda: [b.kernel.max_step(b.batch, u_nodes, du_nodes) for b in self.blocks])
+        step = min((float(step_c.min(initial=np.inf)) for step_c in steps), default=np.inf)
         return float(self.comm.allreduce(step, op=MPI.MIN))
 
     def point_coordinates(self, names: Sequence[str]) -> Float:
@@ -310,6 +316,11 @@ class VemSystem:
                 smallest[block.cells[chosen]] = J.min(axis=1)
         return mean, smallest
 
+    def work(self) -> dict[str, float]:
+        """This rank's share of the work: cells, the cost that the partitioner balanced, seconds spent in kernels."""
+        cells, cost = float(self.distributed.mesh.n_cells), float(self.distributed.cost_c.sum())
+        return {"cells": cells, "expected_cost": cost, "kernel_seconds": self._kernel_seconds}
+
     def projection_degrees(self) -> dict[str, int]:
         """How many cells of the whole mesh use which l, or which space of another name."""
         counts: dict[str, int] = {}
@@ -356,6 +367,20 @@ class VemSystem:
         nodes: Int = np.flatnonzero(marked)
         return nodes
 
+    def _rigid_motions(self) -> Any:
+        """Two translations and the rotation, for multigrid; of a moment, its mean (exact for the one of k = 2)."""
+        x_nz = self.node_labels()
+        x, y, is_mean = x_nz[:, 0], x_nz[:, 1], x_nz[:, 2] <= 1.0
+        motions: list[Any] = []
+        for motion in ((is_mean, 0.0 * x), (0.0 * x, is_mean), (-y * is_mean, x * is_mean)):
+            vector = self.create_vector()
+            vector.getArray()[:] = np.column_stack(motion).ravel()
+            for other in motions:
+                vector.axpy(-vector.dot(other), other)
+            vector.normalize()
+            motions.append(vector)
+        return PETSc.NullSpace().create(vectors=motions, comm=self.comm)
+
     def _owned_range(self) -> tuple[int, int]:
         probe = self.dofmap.dm.getGlobalVec()
         first, last = probe.getOwnershipRange()
@@ -379,6 +404,24 @@ class VemSystem:
         self._work.getArray()[:] = total
         out.set(0.0)
         self.dofmap.dm.localToGlobal(self._work, out, addv=PETSc.InsertMode.ADD_VALUES)
+
+    def _together(self, compute: Callable[[], T]) -> T:
+        """Result of kernels on this rank.
+
+        Raises:
+            EvaluationError: a kernel failed on this or on another rank; all ranks raise, so that none waits for ever.
+        """
+
+        def timed() -> T:
+            started = time.perf_counter()
+            result = compute()
+            self._kernel_seconds += time.perf_counter() - started
+            return result
+
+        try:
+            return on_every_rank(self.comm, timed)
+        except MemoryError as error:
+            raise EvaluationError(str(error)) from None
 
     def _evaluate(self, u_nodes: Float, residual: Float | None = None) -> list[CellValues]:
         """Energies of all blocks; their residuals are added to ``residual`` (n_nodes, 2)."""

@@ -1,0 +1,138 @@
+"""Whole runs on several ranks: the same results, checkpoints for any number of ranks, and an end when a rank dies."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers_process import clean_environment, process, tmc
+
+PROBLEMS = {
+    "box": ["box", "--cells", "20", "5", "--gamma", "1e-4"],
+    "hanging nodes": ["box", "--cells", "20", "5", "--refine-medium", "2", "--uy", "-0.4"],
+    "cbox": ["cbox", "--cells", "20", "10", "--uy", "-0.3"],
+    "bodies": ["bodies", "--discs", "1", "--uy", "0.15"],
+    "punch": ["punch", "--size", "0.25", "--uy", "-0.7"],
+}
+SLOW_BOX = ["run", "box", "--cells", "20", "5", "--uy", "-0.4", "--steps", "40", "--snapshots", "2", "--quiet"]
+
+
+@cache
+def run(problem: str, ranks: int) -> dict[str, Any]:
+    done = tmc("run", *PROBLEMS[problem], "--json", ranks=ranks)
+    assert done.returncode == 0, done.stderr[-2000:]
+    result: dict[str, Any] = json.loads(done.stdout)
+    return result
+
+
+@pytest.mark.parametrize("ranks", [2, 4])
+@pytest.mark.parametrize("problem", PROBLEMS)
+def test_gap_and_reaction_do_not_depend_on_the_ranks(problem: str, ranks: int) -> None:
+    """The problems at full size: benchmarks/rank_independence.py --full."""
+    expected, found = run(problem, 1), run(problem, ranks)
+    assert found["complete"]
+    assert found["gap"] == pytest.approx(expected["gap"], rel=1e-8)
+    assert found["reaction"] == pytest.approx(expected["reaction"], rel=1e-8)
+    assert found["n_dofs"] == expected["n_dofs"]
+
+
+def test_reproducible_runs_agree_to_the_bit() -> None:
+    once, again = (
+        json.loads(tmc("run", *PROBLEMS["box"], "--solver", "reproducible", "--json", ranks=3).stdout) for _ in range(2)
+    )
+    for name in ("gap", "reaction", "energy", "min_j", "newton_iterations", "negative_pivots"):
+        assert once[name] == again[name], name
+    assert once["gap"] == pytest.approx(run("box", 1)["gap"], rel=1e-9)
+    assert once["negative_pivots"] == 0
+
+
+def started(out: Path, ranks: int, rows: int = 6) -> subprocess.Popen[bytes]:
+    """A run under mpirun that has made some load steps."""
+    command = [sys.executable, "-c", "from tmc_vem.cli.main import main; main()", *SLOW_BOX, "--out", str(out)]
+    running = subprocess.Popen(
+        ["mpirun", "-n", str(ranks), *command],
+        env=clean_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    deadline = time.monotonic() + 90
+    history = out / "history.csv"
+    while not history.exists() or len(history.read_text().splitlines()) < rows:
+        assert time.monotonic() < deadline, "the run made no progress"
+        assert running.poll() is None, "the run ended too early"
+        time.sleep(0.005)
+    return running
+
+
+def kill_rank(running: subprocess.Popen[bytes], rank: int) -> None:
+    """SIGKILL the process of one rank."""
+    for child in Path(f"/proc/{running.pid}/task/{running.pid}/children").read_text().split():
+        environment = Path(f"/proc/{child}/environ").read_bytes().split(b"\0")
+        if f"OMPI_COMM_WORLD_RANK={rank}".encode() in environment:
+            os.kill(int(child), signal.SIGKILL)
+            return
+    raise AssertionError(f"rank {rank} was not found")
+
+
+@pytest.fixture(scope="module")
+def whole_run(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    out = tmp_path_factory.mktemp("whole") / "box"
+    assert tmc(*SLOW_BOX, "--out", str(out)).returncode == 0
+    result: dict[str, Any] = json.loads((out / "result.json").read_text())
+    return result
+
+
+@pytest.mark.parametrize("dying", [0, 2])
+def test_a_rank_that_dies_ends_the_run_and_leaves_a_checkpoint(
+    dying: int, tmp_path: Path, whole_run: dict[str, Any]
+) -> None:
+    """Three ranks, one of which is killed; two go on from the checkpoint to the result of one."""
+    out = tmp_path / "box"
+    running = started(out, ranks=3)
+    kill_rank(running, dying)
+    assert running.wait(timeout=60) != 0
+    assert not (out / "result.json").exists()
+
+    resumed = tmc("resume", str(out), "--quiet", ranks=2)
+    assert resumed.returncode == 0, resumed.stderr[-2000:]
+    result = json.loads((out / "result.json").read_text())
+    assert result["complete"]
+    assert result["steps"] == whole_run["steps"]
+    for name in ("gap", "reaction"):
+        assert result[name] == pytest.approx(whole_run[name], rel=1e-8)
+
+
+def test_a_failing_kernel_on_one_rank_cuts_the_step_on_all() -> None:
+    done = process([str(Path(__file__).with_name("failing_rank.py"))], ranks=3)
+    assert done.returncode == 0, done.stderr[-2000:]
+    report = json.loads(done.stdout)
+    for failure, cut_backs in (("no memory", 2), ("no memory for a tangent", 1), ("not a number", 0)):
+        assert report[failure] == 3 * [[True, cut_backs, "full load"]], failure
+    assert report["for good"] == 3 * [[False, 0, "kernel 'solid' could not allocate its work space"]]
+
+
+def test_an_error_that_one_rank_keeps_to_itself_ends_all() -> None:
+    """Ours are raised on all ranks; one that is not must not leave the others waiting."""
+    lonely = """
+import sys
+from mpi4py import MPI
+from tmc_vem import parallel
+from tmc_vem.cli import main
+from tmc_vem.errors import InputError
+
+parallel.PATIENCE = 1.0
+def fail(*_, **__):
+    if MPI.COMM_WORLD.rank == 1:
+        raise InputError("only here")
+    MPI.COMM_WORLD.barrier()
+main.cli.main = fail
+main.main([])
+"""
+    done = process(["-c", lonely], ranks=2, timeout=60)
+    assert done.returncode == 2

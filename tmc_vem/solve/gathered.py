@@ -1,0 +1,57 @@
+"""A factorisation of the whole matrix on rank 0 as a PETSc preconditioner: no sum depends on what arrives first."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+
+class GatheredFactor:
+    """PC of type 'python'; options of the factorisation have ``gathered_`` behind the prefix of the outer solver."""
+
+    def __init__(self) -> None:
+        self._ksp: Any = None
+        self._rows: Any = None
+        self._gathered: Any = None
+        self._scatter: Any = None
+        self._whole: Any = None
+        self._solution: Any = None
+
+    def setUp(self, pc: Any) -> None:
+        """Bring the matrix to rank 0 and factorise it there."""
+        matrix = pc.getOperators()[1]
+        comm = matrix.getComm().tompi4py()
+        here = matrix.getSize()[0] if comm.rank == 0 else 0
+        if self._rows is None:
+            self._rows = PETSc.IS().createStride(here, step=1, comm=comm)
+            self._scatter, self._whole = PETSc.Scatter.toZero(matrix.createVecRight())
+            self._solution = self._whole.duplicate()
+        self._gathered = matrix.createSubMatrix(self._rows, self._rows, self._gathered)
+        local = self._gathered.getDiagonalBlock()
+        if comm.rank == 0:
+            local.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+            if self._ksp is None:
+                self._ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+                self._ksp.setOptionsPrefix(f"{pc.getOptionsPrefix() or ''}gathered_")
+                self._ksp.setType(PETSc.KSP.Type.PREONLY)
+                self._ksp.setFromOptions()
+            self._ksp.setOperators(local)
+            self._ksp.setUp()
+
+    def apply(self, pc: Any, rhs: Any, out: Any) -> None:
+        """``out`` = inverse of the matrix times ``rhs``."""
+        self._scatter.scatter(rhs, self._whole)
+        if self._ksp is not None:
+            self._ksp.solve(self._whole, self._solution)
+            if self._ksp.getConvergedReason() <= 0:
+                self._solution.set(np.nan)
+        self._scatter.scatter(self._solution, out, mode=PETSc.ScatterMode.REVERSE)
+
+    def negative_pivots(self, pc: Any) -> int:
+        """Negative eigenvalues of the matrix, from the factorisation's inertia."""
+        comm = pc.getComm().tompi4py()
+        mine = None if self._ksp is None else int(self._ksp.getPC().getFactorMatrix().getInertia()[0])
+        negative: int = comm.bcast(mine)
+        return negative
