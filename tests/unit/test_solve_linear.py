@@ -63,9 +63,11 @@ def test_conjugate_gradients_refuse_an_indefinite_matrix_and_say_why(tmp_path: P
     solver = LinearSolver(made, PETSc.COMM_SELF, str(options))
     assert not solved(solver, made)[0]
     assert solver.negative_pivots() == 1
+    assert "DIVERGED_INDEFINITE_MAT after" in solver.complaint()
     made = matrix([5.0, 5.0, 5.0, 5.0])
     solver = LinearSolver(made, PETSc.COMM_SELF, str(options))
     assert solved(solver, made)[0]
+    assert solver.complaint() == ""
     assert solver.negative_pivots() is None  # none were met, which proves nothing
 
 

@@ -105,6 +105,15 @@ class LinearSolver:
         except PETSc.Error:
             return None
 
+    def complaint(self) -> str:
+        """Why the last iterative solve failed, with the remedy; empty if it did not, or if it was a factorisation."""
+        reason = self.ksp.getConvergedReason()
+        if reason > 0 or self.ksp.getType() == PETSc.KSP.Type.PREONLY:
+            return ""
+        name = next(key for key, value in vars(PETSc.KSP.ConvergedReason).items() if value == reason)
+        iterations = self.ksp.getIterationNumber()
+        return f" (linear solver: {name} after {iterations} iterations; --solver direct has no such limit)"
+
     def destroy(self) -> None:
         """Free the factorisation."""
         self.ksp.destroy()

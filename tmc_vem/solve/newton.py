@@ -113,6 +113,11 @@ class NewtonSolver:
         """Iterations of the linear solver so far; one a solve with a factorisation."""
         return self._linear.iterations
 
+    @property
+    def linear_complaint(self) -> str:
+        """Why the last iterative linear solve failed, in brackets, or nothing."""
+        return self._linear.complaint()
+
     def set_prescribed(self, u: Any, load: float) -> None:
         """Write the prescribed displacements of a load factor into ``u``."""
         u.getArray()[self._constrained] = self.system.prescribed(load)
@@ -186,7 +191,8 @@ class NewtonSolver:
             self._clear_constrained(self._rhs)
             solved, pivots = self._descent_direction(minimise)
             if not solved:
-                return NewtonResult(False, "no direction of descent was found", evaluation, tuple(iterations), pivots)
+                reason = f"no direction of descent was found{self.linear_complaint}"
+                return NewtonResult(False, reason, evaluation, tuple(iterations), pivots)
             correction = self._direction.norm(3) / self.system.size  # 3 is PETSc's infinity norm
             step, evaluation = self._line_search(u, evaluation, expand=minimise and bool(pivots))
             iterations.append(Iteration(residual / reference if reference else 0.0, correction, step))

@@ -208,8 +208,9 @@ class LoadStepper:
         if load == self.path.at(now).load:  # parameters change, and the old state is admissible still
             u.copy(trial)
             return self.solver.solve(trial)
-        evaluation = self.solver.system.energy(u)
-        return NewtonResult(False, f"the predictor inverts the mesh ({evaluation.worst})", evaluation)
+        evaluation, complaint = self.solver.system.energy(u), self.solver.linear_complaint
+        reason = f"no predictor{complaint}" if complaint else f"the predictor inverts the mesh ({evaluation.worst})"
+        return NewtonResult(False, reason, evaluation)
 
     def _solve(self, u: Any, trial: Any) -> NewtonResult:
         """Find equilibrium from a predicted state, and remember whether it is far from there: on another branch."""
