@@ -112,7 +112,7 @@ def start(
     command = [sys.executable, __file__, "measure", "--cells", *map(str, cells), "--solver", solver]
     command += ["--gamma", str(gamma), "--uy", str(uy), "--repeat", str(repeat)]
     settings = dict(SETTINGS)
-    if ranks > (os.cpu_count() or 1):
+    if ranks > len(os.sched_getaffinity(0)):
         settings["OMPI_MCA_mpi_yield_when_idle"] = "1"
     done = subprocess.run(
         ["mpirun", "-n", str(ranks), *command], capture_output=True, text=True, env=os.environ | settings, check=False
