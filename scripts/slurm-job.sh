@@ -29,7 +29,11 @@ export OMP_NUM_THREADS=1
 # compiled kernels on the disk of each node: processors may differ, and locks on network file systems are slow
 export TMC_VEM_CACHE=${TMC_VEM_CACHE:-${TMPDIR:-/tmp}/tmc-vem-$(id -u)}
 
-if [ -e "$directory/result.json" ] && grep -q '"complete": true' "$directory/result.json"; then
+complete() {
+  grep -qs '"complete": true' "$directory/result.json"
+}
+
+if complete; then
   echo "$directory is complete"
   exit 0
 elif [ -e "$directory/checkpoint.npz" ]; then
@@ -39,7 +43,7 @@ else
 fi
 
 stopped=
-trap 'stopped=yes; kill -TERM "$step" 2>/dev/null' TERM
+trap 'stopped=yes; kill -TERM "$step" 2>/dev/null || true' TERM
 # a rank that dies must take the others with it
 srun --kill-on-bad-exit=1 tmc-vem "${command[@]}" &
 step=$!
@@ -47,7 +51,9 @@ code=0
 wait "$step" || code=$?
 if [ -n "$stopped" ]; then
   wait "$step" || code=$?
-  if [ -e "$directory/checkpoint.npz" ] && [ ! -e "$directory/result.json" ]; then
+  if complete; then
+    exit 0
+  elif [ -e "$directory/checkpoint.npz" ]; then
     scontrol requeue "$SLURM_JOB_ID"
     exit 0
   fi
