@@ -128,6 +128,22 @@ def growth() -> str:
     return table(heading, rows)
 
 
+def projectors() -> str:
+    """Set-up of one polygon."""
+    rows = [(label, f"{1e6 * seconds:.1f}") for label, seconds in load("projectors")["results"].items()]
+    return table(("distinct polygon", "us"), rows)
+
+
+def condensation() -> str:
+    """Factorisation with and without internal moments."""
+    rows = []
+    for kind, found in load("condensation")["results"].items():
+        for name, f in found.items():
+            counts = (str(f["unknowns"]), str(f["entries"]))
+            rows.append((f"{kind}, {name}", *counts, f"{1e3 * f['seconds']:.0f} ms"))
+    return table(("matrix", "unknowns", "entries", "factorisation and solve"), rows)
+
+
 def startup() -> str:
     """(f) Start-up."""
     rows = [(k, f"{r['best']:.2f} s", f"{r['median']:.2f} s") for k, r in load("startup")["results"].items()]
@@ -190,7 +206,7 @@ def draw_roofline() -> None:
 
 PARTS = {
     "machine": machine, "assembly": assembly, "rates": rates, "gap": gap, "phases": phases, "growth": growth,
-    "startup": startup, "quadrature": quadrature,
+    "startup": startup, "quadrature": quadrature, "projectors": projectors, "condensation": condensation,
 }  # fmt: skip
 
 

@@ -12,7 +12,10 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-ALL = ("assembly", "kernel_rates", "point_kernel", "time_to_gap", "phases", "growth", "startup", "quadrature")
+ALL = (
+    "assembly", "kernel_rates", "point_kernel", "time_to_gap", "phases", "growth", "startup", "projectors",
+    "condensation", "quadrature",
+)  # fmt: skip
 
 
 def main() -> None:

@@ -21,14 +21,11 @@ Int = NDArray[np.int64]
 def serial_matrix(blocks: Sequence[Block], dm: Any, n_nodes: int) -> Any:
     """Sequential AIJ matrix, zero, with an entry for every two degrees of freedom of a cell."""
     starts, columns = node_pattern(blocks, n_nodes)
-    length_n = 2 * np.diff(starts)
-    rows = np.concatenate([[0], np.cumsum(np.repeat(length_n, 2))])
-    pairs = (2 * columns[:, None] + np.arange(2, dtype=columns.dtype)).ravel()  # columns of row 2 n, node after node
-    # row 2 n + 1 repeats row 2 n
-    shift = np.repeat(rows[:-1] - np.repeat(2 * starts[:-1], 2), np.repeat(length_n, 2))
-    entries = pairs[np.arange(rows[-1]) - shift].astype(PETSc.IntType, copy=False)
     size = 2 * n_nodes
-    csr = (rows.astype(PETSc.IntType), entries, np.zeros(len(entries)))
+    zeros = np.zeros((len(columns), 2, 2))
+    expanded = sparse.bsr_matrix((zeros, columns, starts), shape=(size, size)).tocsr()
+    indptr, indices = (a.astype(PETSc.IntType, copy=False) for a in (expanded.indptr, expanded.indices))
+    csr = (indptr, indices, expanded.data)
     matrix = PETSc.Mat().createAIJ((size, size), bsize=2, csr=csr, comm=PETSc.COMM_SELF)
     lgmap = dm.getLGMap()
     matrix.setLGMap(lgmap, lgmap)

@@ -65,6 +65,14 @@ class PolygonGeometry:
         area: Float = self.integrals_ca[:, 0]
         return area
 
+    def boundary(self, k: int) -> tuple[Float, Float]:
+        """:func:`boundary_products` up to ``degree``, computed once."""
+        known = self.__dict__.setdefault("_boundary", {})
+        if k not in known:
+            known[k] = boundary_products(self, k, max(self.degree, k))
+        both: tuple[Float, Float] = known[k]
+        return both
+
     def mass(self, degree: int) -> Float:
         """Integrals of products of monomials of the given degree over the scaled polygons."""
         return monomials.mass_matrices(degree, self.integrals_ca)
@@ -82,7 +90,9 @@ def elliptic_projector(geometry: PolygonGeometry, k: int) -> Float:
     stiffness = d_xi @ mass @ d_xi.T + d_eta @ mass @ d_eta.T
     n_moments = monomials.dimension(k - 2)
 
-    rhs = boundary_products(geometry, k, k, d_xi, d_eta)  # int_dE v dm/dn
+    boundary_x, boundary_y = geometry.boundary(k)
+    n_m = monomials.dimension(k)
+    rhs: Float = np.add(d_xi @ boundary_x[:, :n_m], d_eta @ boundary_y[:, :n_m])  # int_dE v dm/dn
     laplacian = d_xi @ d_xi + d_eta @ d_eta  # rows are monomials, columns degree k - 2 at most
     moments = slice(n_sides * k, n_sides * k + n_moments)
     rhs[:, :, moments] -= geometry.scaled_area_c[:, None, None] * laplacian[:, :n_moments]
@@ -119,10 +129,10 @@ def gradient_projector(geometry: PolygonGeometry, k: int, degree: int, elliptic_
     d_xi, d_eta = monomials.derivative_matrices(degree)
     n_lower = monomials.dimension(degree - 1)
     moments = moments_of_basis(geometry, k, degree - 1, elliptic_cad)
-    identity = np.eye(monomials.dimension(degree))
-    zero = np.zeros_like(identity)
-    rhs_x = boundary_products(geometry, k, degree, identity, zero) - d_xi[:, :n_lower] @ moments
-    rhs_y = boundary_products(geometry, k, degree, zero, identity) - d_eta[:, :n_lower] @ moments
+    boundary_x, boundary_y = geometry.boundary(k)
+    n_m = monomials.dimension(degree)
+    rhs_x = boundary_x[:, :n_m] - d_xi[:, :n_lower] @ moments
+    rhs_y = boundary_y[:, :n_m] - d_eta[:, :n_lower] @ moments
     both = np.concatenate([rhs_x, rhs_y], axis=2)
     solution = solve_with_mass(geometry.mass(degree), both) / geometry.diameter_c[:, None, None]
     n_dofs = rhs_x.shape[2]
@@ -156,14 +166,13 @@ def solve_with_mass(mass_cab: Float, rhs_cad: Float) -> Float:
     return solution
 
 
-def boundary_products(geometry: PolygonGeometry, k: int, degree: int, p_xi: Float, p_eta: Float) -> Float:
-    """``int_dE (p . n) v`` over the scaled boundary: (n_cells, n_p, n_dofs).
+def boundary_products(geometry: PolygonGeometry, k: int, degree: int) -> tuple[Float, Float]:
+    """``int_dE m n_x v`` and ``int_dE m n_y v`` over the scaled boundary: (n_cells, dim P_degree, n_dofs) each.
 
     Args:
         geometry: the polygons.
         k: order of the element; v is a polynomial of degree k on every side.
-        degree: degree of the vector fields p, up to which the edge rule is exact.
-        p_xi, p_eta: (n_p, dim P_degree) coefficients of the components of p.
+        degree: largest degree of the monomials m.
     """
     n_sides, n_cells = geometry.n_sides, len(geometry.xi_cvx)
     points, weights = gauss((degree + k) // 2 + 1)
@@ -172,22 +181,17 @@ def boundary_products(geometry: PolygonGeometry, k: int, degree: int, p_xi: Floa
         np.subtract(1.0, points)[:, None] * geometry.xi_cvx[:, :, None] + points[:, None] * following[:, :, None]
     )
     tangent = following - geometry.xi_cvx
-    normal_csx = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)  # outward normal times the side's length
     m = monomials.values(degree, nodes_csqx.reshape(n_cells, -1, 2)).reshape(n_cells, n_sides, len(points), -1)
-    shape_qn = edge_basis(k, points)  # values of the k + 1 nodal polynomials of a side
-
-    # int_side m_a v n for every node of every side, then from sides to degrees of freedom
-    side_csan = np.swapaxes(m, 2, 3) @ (weights[:, None] * shape_qn)
-    flux_cspn = normal_csx[..., 0, None, None] * (p_xi @ side_csan) + normal_csx[..., 1, None, None] * (
-        p_eta @ side_csan
-    )
-    result = np.zeros((n_cells, p_xi.shape[0], n_scalar_dofs(n_sides, k)))
-    for side in range(n_sides):
-        result[:, :, side] += flux_cspn[:, side, :, 0]
-        result[:, :, (side + 1) % n_sides] += flux_cspn[:, side, :, k]
-        first = n_sides + side * (k - 1)
-        result[:, :, first : first + k - 1] += flux_cspn[:, side, :, 1:k]
-    return result
+    # int_side m v for every node of every side; the outward normal times the side's length is the turned tangent
+    side_csmn = np.swapaxes(m, 2, 3) @ (weights[:, None] * edge_basis(k, points))
+    results = []
+    for normal_cs in (tangent[..., 1], -tangent[..., 0]):
+        flux = np.moveaxis(normal_cs[..., None, None] * side_csmn, 1, 2)  # cell, monomial, side, node
+        result = np.zeros((n_cells, monomials.dimension(degree), n_scalar_dofs(n_sides, k)))
+        result[:, :, :n_sides] = flux[..., 0] + np.roll(flux[..., k], 1, axis=2)
+        result[:, :, n_sides : n_sides * k] = flux[..., 1:k].reshape(n_cells, -1, n_sides * (k - 1))
+        results.append(result)
+    return results[0], results[1]
 
 
 def edge_basis(k: int, points: Float) -> Float:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from tmc_vem.vem import monomials
 from tmc_vem.vem.projector import (
     PolygonGeometry,
-    boundary_products,
     elliptic_projector,
     gradient_projector,
     moments_of_basis,
@@ -216,7 +215,9 @@ class HarmonicSpace:
         p_xi, p_eta = harmonic_fields(self.base, self.degree)
         mass = geometry.mass(self.degree)
         gram = p_xi @ mass @ p_xi.T + p_eta @ mass @ p_eta.T
-        rhs = boundary_products(geometry, k, self.degree, p_xi, p_eta)
+        n_m = monomials.dimension(self.degree)
+        boundary_x, boundary_y = geometry.boundary(k)
+        rhs: Float = np.add(p_xi @ boundary_x[:, :n_m], p_eta @ boundary_y[:, :n_m])
         d_xi, d_eta = monomials.derivative_matrices(self.degree)
         n_lower = monomials.dimension(self.base - 1)
         divergence = (p_xi @ d_xi + p_eta @ d_eta)[:, :n_lower]

@@ -75,21 +75,15 @@ class StabilityTest:
 def positive_definite(matrices_sab: Float) -> NDArray[np.bool_]:
     """Whether symmetric matrices are positive definite.
 
-    LAPACK's factorisation stops at the first one that is not; then they are all eliminated at once.
+    numpy's factorisation of all stops at the first one that is not; then they are tried one by one.
     """
+    from scipy.linalg.lapack import dpotrf
+
     if np.isfinite(matrices_sab).all():
         with contextlib.suppress(np.linalg.LinAlgError):
             np.linalg.cholesky(matrices_sab)
             return np.ones(len(matrices_sab), dtype=bool)
-    a = np.ascontiguousarray(np.moveaxis(matrices_sab, 0, -1))
-    definite = np.ones(a.shape[2], dtype=bool)
-    with np.errstate(over="ignore", invalid="ignore"):  # after a pivot that is not positive anything may follow
-        for j in range(len(a)):
-            pivot = a[j, j]
-            definite &= pivot > 0.0
-            column = a[j + 1 :, j] / np.where(pivot > 0.0, pivot, 1.0)
-            a[j + 1 :, j + 1 :] -= column[:, None] * a[j, None, j + 1 :]
-    return definite
+    return np.array([np.isfinite(a).all() and dpotrf(a.T, overwrite_a=1, clean=0)[1] == 0 for a in matrices_sab])
 
 
 def element_tangent(tables: Tables) -> Float:
