@@ -57,7 +57,7 @@ class Watched:
 
 def test_converges_quadratically():
     system = small_box(uy=-0.05)
-    solver = NewtonSolver(system, NewtonOptions(residual=1e-11, correction=1e-12))
+    solver = NewtonSolver(system, NewtonOptions(residual=1e-11, correction=1e-12, reuse=0.0))
     u = predicted(solver)
     result = solver.solve(u)
     assert result.converged, result.reason
@@ -68,6 +68,28 @@ def test_converges_quadratically():
     for before, after in zip(corrections[-3:-1], corrections[-2:], strict=True):
         assert after < 50.0 * before**2 + 1e-13
     assert all(i.step == 1.0 for i in result.iterations[-3:])
+
+
+@pytest.mark.parametrize("uy", [-0.05, -0.3])
+def test_a_tangent_is_used_again_near_the_solution_only(uy):
+    """Fewer tangents, the same state; never one older than an iteration, never after a large correction."""
+    states, tangents = [], []
+    for reuse in (0.0, 1e-5):
+        system = small_box(uy=uy)
+        calls = []
+        original = system.jacobian
+        system.jacobian = lambda u, out, calls=calls, original=original: (calls.append(1), original(u, out))[1]
+        solver = NewtonSolver(system, NewtonOptions(residual=1e-10, correction=1e-9, reuse=reuse))
+        u = predicted(solver)
+        calls.clear()
+        result = solver.solve(u)
+        assert result.converged, result.reason
+        states.append(u.getArray().copy())
+        tangents.append((len(calls), len(result.iterations)))
+    assert tangents[0][0] == tangents[0][1]
+    saved = tangents[1][1] - tangents[1][0]
+    assert 1 <= saved <= tangents[1][1] // 2
+    assert states[1] == pytest.approx(states[0], abs=1e-9)
 
 
 def test_result_is_an_equilibrium():

@@ -41,12 +41,15 @@ class NewtonOptions:
             iteration converges quadratically, the error left is about the square of it.
         stalled_residual: the same, for a residual that has stopped falling while the corrections are within their
             tolerance: what is left is rounding.
+        reuse: correction, relative to the size of the domain, from which on the next iteration takes the tangent and
+            its factors again, once; 0 for never. Near the solution both directions differ by no more than that.
         max_iterations: after which the load step is given up.
     """
 
     residual: float = 1e-8
     correction: float = 1e-7
     stalled_residual: float = 1e-6
+    reuse: float = 1e-5
     max_iterations: int = 20
 
 
@@ -106,6 +109,7 @@ class NewtonSolver:
         self._constrained = self.system.constrained()
         self._diagonal = self._matrix.createVecLeft()
         self._last_shift = 0.0
+        self._shifted = False  # whether the matrix is the tangent plus a diagonal
         self.iterations_done = 0  # since the solver was made, whatever became of them
 
     @property
@@ -166,7 +170,7 @@ class NewtonSolver:
         limit = self.options.max_iterations * (10 if minimise else 1)
         iterations: list[Iteration] = []
         evaluation = self._evaluate(u)
-        correction, step, pivots, least = math.inf, 0.0, None, 0.0
+        correction, step, pivots, least, reused = math.inf, 0.0, None, 0.0, False
         while True:
             if not evaluation.admissible:
                 return NewtonResult(False, f"inadmissible state ({evaluation.worst})", evaluation, tuple(iterations))
@@ -183,8 +187,12 @@ class NewtonSolver:
                 reason = f"no convergence in {limit} iterations (residual {residual / reference:.1e})"
                 return NewtonResult(False, reason, evaluation, tuple(iterations), pivots)
 
-            with self.timer("assembly"):
-                self.system.jacobian(u, self._matrix)
+            # the tangent of the iteration before is as good as a new one where the state has hardly changed since
+            reused = not (reused or self._shifted or minimise) and step == 1.0 and correction <= self.options.reuse
+            if not reused:
+                with self.timer("assembly"):
+                    self.system.jacobian(u, self._matrix)
+                self._shifted = False
             least = SMALLEST_REACTION * self._largest_stiffness() * self.system.size
             self.residual.copy(self._rhs)
             self._rhs.scale(-1.0)
@@ -278,6 +286,7 @@ class NewtonSolver:
         diagonal.scale(shift)
         diagonal.axpy(1.0, self._diagonal)
         self._matrix.setDiagonal(diagonal)
+        self._shifted = True
         diagonal.destroy()
 
     def _line_search(self, u: Any, before: Evaluation, expand: bool) -> tuple[float, Evaluation]:
