@@ -1,0 +1,47 @@
+"""Every block of Python and shell in README, tutorial and how-to pages runs, in order, in an empty directory."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from helpers_process import clean_environment
+
+ROOT = Path(__file__).parents[1]
+PAGES = (
+    "README.md",
+    "docs/guide/tutorial.md",
+    *(f"docs/howto/{name}.md" for name in ("hanging-nodes", "paraview", "restart", "solver-options")),
+)
+BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: Path(page).stem)
+def test_blocks_run(page: str, tmp_path: Path) -> None:
+    blocks = BLOCK.findall((ROOT / page).read_text())
+    assert blocks
+    environment = {**clean_environment(), "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    for language, text in blocks:
+        command = [sys.executable, "-c", text] if language == "python" else ["bash", "-euo", "pipefail", "-c", text]
+        done = subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False
+        )
+        assert done.returncode == 0, f"{text}\n{done.stdout}\n{done.stderr}"
+
+
+def test_examples_of_problem_files_are_read(tmp_path: Path) -> None:
+    """The [solve] table of the schema page is one."""
+    from tmc_vem.simulation import RunOptions
+    from tmc_vem.validation import build
+
+    page = (ROOT / "docs/guide/problem-files.md").read_text()
+    (table,) = (
+        text for text in re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL) if "[solve]" in text
+    )
+    import tomllib
+
+    assert build(RunOptions, tomllib.loads(table)["solve"], "solve").snapshots == 20
