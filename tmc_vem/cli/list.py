@@ -9,6 +9,9 @@ import click
 
 from tmc_vem.errors import InputError
 
+# longer values make no column
+WIDEST = 24
+
 
 @click.command("list")
 @click.argument("directory", type=click.Path(path_type=Path), default=Path("runs"))
@@ -42,13 +45,17 @@ def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
     if not runs:
         click.echo(f"no runs below {directory}")
         return
-    names, values = differing(runs)
+    differ, values = differing(runs)
+    columns = [[row[n] for row in values.values()] for n in range(len(differ))]
+    shown = [n for n, column in enumerate(columns) if "–" not in column and max(map(len, column)) <= WIDEST]
+    names = [differ[n] for n in shown]
     table = Table(box=SIMPLE, pad_edge=False)
     for heading in ("run", *names, "load", "gap", "reaction", "dofs", "iterations", "time (s)"):
         table.add_column(heading, overflow="fold")
     for name, run in runs.items():
+        inputs = [values[name][n] for n in shown]
         table.add_row(
-            name, *values[name], reached(run), number(run.gap, 5), number(run.reaction, 5), str(run.n_dofs),
+            name, *inputs, reached(run), number(run.gap, 5), number(run.reaction, 5), str(run.n_dofs),
             str(run.newton_iterations), f"{run.seconds['total']:.1f}",
         )  # fmt: skip
     console = Console()
