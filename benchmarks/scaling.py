@@ -143,7 +143,7 @@ def show(rows: list[Row], reference: Row | None = None) -> None:
         cells = "{} x {}".format(*row["cells"])
         last = f"{row['set-up']:.1f} | {row['bytes per dof']:.0f} | {row['peak']['all']:.0f}"
         print("|", cells, "|", row["dofs"], "|", row["ranks"], "|", " | ".join(shown), "|", last, "|", flush=True)
-    if len({row["dofs"] for row in rows}) > 1:
+    if len({row["dofs"] for row in rows}) > 1 and {row["ranks"] for row in rows} == {1}:
         for part in (*parts, "bytes per dof"):
             each = [row[part] / row["dofs"] if part != "bytes per dof" else row[part] for row in rows]
             name = part if part == "bytes per dof" else f"{part} per dof"
