@@ -24,6 +24,7 @@ from tmc_vem.simulation import RunOptions, control_path, discretise
 from tmc_vem.solve.budget import Budget
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
+from tmc_vem.vem.element import RULES, ElementSettings
 
 
 @dataclass(frozen=True)
@@ -57,12 +58,13 @@ def cases(cells: tuple[int, int], table2: bool) -> dict[str, Any]:
     return found
 
 
-def measure(problem: Any, strategy: Strategy, method: str, penalty: str, limit: int) -> str:
+def measure(problem: Any, strategy: Strategy, method: str, penalty: str, rule: str, limit: int) -> str:
     """Load reached, steps and iterations, as a cell of the table."""
     if strategy.continuation and problem.medium.gamma >= strategy.continuation["gamma"]:
         return ""
     fem = FemSettings(interior_penalty=penalty)
-    options = RunOptions(method=method, fem=fem, continuation=strategy.continuation)
+    element = ElementSettings(rule=rule)
+    options = RunOptions(method=method, fem=fem, element=element, continuation=strategy.continuation)
     system = discretise(problem, options, MPI.COMM_WORLD)
     solver, budget = NewtonSolver(system), Budget(limit)
     solver.on_iteration = lambda _: budget.spend()
@@ -91,6 +93,7 @@ def main() -> None:
     parser.add_argument("--table2", action="store_true", help="the box only, all pairs of table 2")
     parser.add_argument("--method", choices=["vem", "fem"], default="vem")
     parser.add_argument("--interior-penalty", choices=INTERIOR_PENALTIES, default="none", help="of --method fem")
+    parser.add_argument("--rule", choices=RULES, default="auto", help="of --method vem")
     parser.add_argument("--cells", type=int, nargs=2, default=(40, 10))
     parser.add_argument("--strategies", nargs="+", choices=STRATEGIES, default=list(STRATEGIES))
     parser.add_argument("--cases", nargs="+", help="beginnings of the names of the cases to run; default: all")
@@ -103,9 +106,8 @@ def main() -> None:
         row = []
         for strategy in arguments.strategies:
             print(f"{name}, {strategy}", flush=True)
-            row.append(
-                measure(problem, STRATEGIES[strategy], arguments.method, arguments.interior_penalty, arguments.limit)
-            )
+            settings = (arguments.method, arguments.interior_penalty, arguments.rule, arguments.limit)
+            row.append(measure(problem, STRATEGIES[strategy], *settings))
         rows.append(f"| {name} | {' | '.join(row)} |")
     print(f"\nNewton iterations in load steps, {arguments.method}\n\n" + "\n".join(rows))
 

@@ -301,7 +301,7 @@ class LoadStepper:
         return (
             f"{result.reason}; smallest {worst}. Tried: steps down to {self.options.smallest:g} of the load, "
             f"extrapolated and tangent predictors, descent to another equilibrium{softened}. Try a larger alpha_r or "
-            "gamma, --continuation from a larger gamma, or a finer medium there"
+            "gamma, --continuation from a larger gamma, --rule triangles, or a finer medium there"
         )
 
     def _first_size(self, time: float) -> float:
