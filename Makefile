@@ -7,7 +7,7 @@ export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMPI_MCA_rmaps_base_oversubscribe := 1
 
-.PHONY: demo test test-slow test-paper test-trixie lint format bench bench-page golden docs linkcheck setup clean
+.PHONY: demo test test-slow test-paper test-trixie lint format bench bench-page golden docs pictures linkcheck setup clean
 
 demo: .venv/.ready ## solve the box; show gap, picture and where the report is
 	$(PYTHON) demos/demo_box.py
@@ -44,6 +44,9 @@ golden: .venv/.ready ## write the golden C files anew
 
 docs: .venv/.ready ## the site into build/docs/html; a warning is an error
 	.venv/bin/sphinx-build -q -W --keep-going -d build/docs/cache -b html docs build/docs/html
+
+pictures: .venv/.ready ## the documentation's pictures anew; some minutes
+	scripts/make-pictures
 
 linkcheck: .venv/.ready ## links to other sites; needs the network
 	.venv/bin/sphinx-build -q -d build/docs/cache -b linkcheck docs build/docs/links

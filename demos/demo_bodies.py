@@ -32,6 +32,10 @@ from tmc_vem.problems import Bodies
 from tmc_vem.report.animation import animate, draw_states, states_of
 from tmc_vem.report.contact import check_contact
 
+# %%
+# One potential holds beam, half discs and medium, $\Pi = \int \psi_s + \int \gamma (\psi_m + \alpha_r \psi_r)$, and no
+# pair of surfaces is ever named: which bodies touch, and where, follows from its minimum.
+
 
 def displacement_of_discs(fields: Fields, discs: int) -> list[float]:
     """Mean u_x of every half disc, from left to right."""

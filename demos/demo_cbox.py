@@ -28,6 +28,11 @@ from tmc_vem.problems import CBox
 from tmc_vem.report.animation import animate, draw_states, states_of
 from tmc_vem.report.contact import check_contact
 
+# %%
+# Regulariser (15) penalises gradients of the rotation angle and of the volume,
+# $\psi_r = \frac{1}{2} \left( \nabla \varphi \cdot \nabla \varphi + \nabla J \cdot \nabla J \right)$ with
+# $\tan \varphi = (F_{12} - F_{21}) / (F_{11} + F_{22})$. It costs nothing in a rigid rotation, however large.
+
 # name: displacement, alpha_r, how often the medium divides an edge
 CASES = {"coarse": (-0.5, 1.0, 1), "fine": (-0.5, 1.0, 2), "large": (-1.0, 20.0, 1)}
 

@@ -27,6 +27,11 @@ from rich.table import Table
 
 from tmc_vem import Box, Medium, RunOptions, RunResult, run
 
+# %%
+# A regulariser is any function $\psi_r(F, G)$ of the deformation gradient and its gradient. The code generator derives
+# $P = \partial \psi / \partial F$, $T = \partial \psi / \partial G$ and the three second derivatives, and verifies
+# their rates.
+
 REGULARISER = '''\
 """A regulariser on grad J and on the gradient of the skew part of F."""
 

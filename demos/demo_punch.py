@@ -29,6 +29,11 @@ from tmc_vem.problems import Punch
 from tmc_vem.report.animation import animate, draw_states, states_of
 from tmc_vem.report.contact import check_contact
 
+# %%
+# Contact pressure is carried by the squeezed medium: squeezed in one direction, its energy grows like
+# $\gamma \mu J^{-2/3}$ as $J \to 0$, so the gap that is left falls with $\gamma$ and is checked against the one at the
+# start.
+
 
 def punch_height(fields: Fields) -> float:
     """Height of the deformed punch on the axis over its height at the start."""

@@ -7,6 +7,15 @@ import sys
 
 import click
 
+# what: (module, what for)
+OPTIONAL = {
+    "dolfinx": ("dolfinx", "--method fem"),
+    "gmsh": ("gmsh", "triangles, .geo files"),
+    "pandas": ("pandas", "RunResult.to_pandas"),
+    "pyvista": ("pyvista", "RunResult.to_pyvista"),
+    "sphinx": ("sphinx", "make docs"),
+}
+
 
 @click.command("info")
 def info() -> None:
@@ -28,8 +37,9 @@ def info() -> None:
         rows["kernel cache"] = str(cache_directory())
     except CodegenError as error:
         rows["C compiler"] = str(error)
-    for name, module in (("dolfinx (FEM path)", "dolfinx"), ("gmsh", "gmsh"), ("meshio", "meshio")):
-        rows[name] = "available" if importlib.util.find_spec(module) else "not installed"
+    for name, (module, purpose) in OPTIONAL.items():
+        found = importlib.util.find_spec(module)
+        rows[name] = f"{'available' if found else 'not installed'}: {purpose}"
     width = max(map(len, rows))
     for name, value in rows.items():
         click.echo(f"{name:<{width}}  {value}")
