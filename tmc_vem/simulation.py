@@ -21,9 +21,8 @@ from tmc_vem.vem.element import ElementSettings
 METHODS = ("vem", "fem")
 # How long a branch may be, in units of the load, with fields written along all of it.
 LONGEST_BRANCH = 10
-# Work of a medium's cell relative to a solid's, all of a Newton iteration but the linear solve; second derivatives make
-# its tangent dearer (benchmarks/scaling.py cells).
-MEDIUM_COST = 2.0
+# Work of a medium's cell relative to a solid's: second derivatives make its tangent 3 times as dear.
+MEDIUM_COST = 2.5
 CONTINUED = ("gamma", "alpha_r")
 
 

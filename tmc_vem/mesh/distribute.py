@@ -3,8 +3,8 @@
 The root rank holds the mesh; DMPlex partitions it, moves the cells, and later numbers the degrees of freedom. PETSc has
 no cell type for a general polygon: marking every cell as a "ghost cell of a finite volume method" is the one that its
 distribution carries through unharmed (3.18). What belongs to cells and vertices (regions, coordinates, original
-numbers) travels along as fields. Work, not cells, is spread evenly: a cell counts as much as it has sides, times the
-cost of its region. The root drops the whole mesh as soon as it is spread.
+numbers) travels along as fields. Work, not cells, is spread evenly: a cell counts the square of its number of sides,
+times the cost of its region. The root drops the whole mesh as soon as it is spread.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def distribute(
     Args:
         comm: communicator; with one rank the same code runs.
         make_mesh: called on rank 0 only.
-        costs: work of a side of a cell by region, 1 by default.
+        costs: work of a cell by region, relative to the others, 1 by default.
 
     Raises:
         Exception: whatever ``make_mesh`` raises, on every rank.
@@ -106,9 +106,9 @@ def distribute(
 
 
 def cell_costs(mesh: PolygonMesh, costs: Mapping[str, float]) -> NDArray[np.float64]:
-    """Expected work (n_cells,) of each cell: its number of sides times the cost of its region."""
+    """Expected work (n_cells,) of each cell: the square of its number of sides times the cost of its region."""
     of_region = np.array([costs.get(name, 1.0) for name in mesh.region_names])
-    work: NDArray[np.float64] = mesh.n_sides_c * of_region[mesh.region_c]
+    work: NDArray[np.float64] = mesh.n_sides_c**2 * of_region[mesh.region_c]
     return work
 
 
