@@ -73,7 +73,7 @@ def method_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--continuation", multiple=True, metavar="NAME=VALUE",
             help="Load with this gamma or alpha_r, then bring it to the wanted value at full load. For small gamma, "
-            "e.g. --gamma 1e-8 --continuation gamma=1e-4. May be given for both.",
+            "e.g. --gamma 1e-7 --continuation gamma=1e-4 (below that with --rule triangles). May be given for both.",
         ),
         click.option(
             "--follow", is_flag=True,
