@@ -20,7 +20,7 @@ RESULTS = Path(__file__).resolve().parent.parent / "runs" / "bench"
 
 @dataclass
 class Samples:
-    """Seconds of repetitions of one piece of work."""
+    """Processor seconds of repetitions of one piece of work."""
 
     seconds: list[float] = field(default_factory=list)
 
@@ -36,15 +36,19 @@ class Samples:
 
 
 def interleaved(work: Mapping[str, Callable[[], object]], repetitions: int = 7) -> dict[str, Samples]:
-    """Time several pieces of work in turn, so that a busy moment of the machine falls on all of them."""
+    """Time several pieces of work in turn, so that a busy moment of the machine falls on all of them.
+
+    What counts is processor time: the moments in which other processes have the core are not ours. With one thread and
+    nothing to wait for it is the time on a quiet machine.
+    """
     samples = {name: Samples() for name in work}
     for run in work.values():  # warm caches, first-touch memory
         run()
     for _ in range(repetitions):
         for name, run in work.items():
-            started = time.perf_counter()
+            started = time.process_time()
             run()
-            samples[name].seconds.append(time.perf_counter() - started)
+            samples[name].seconds.append(time.process_time() - started)
     return samples
 
 
