@@ -13,8 +13,8 @@ def abi_header() -> str:
 
 
 def driver_source() -> str:
-    """Text of the cell driver, driver.c."""
-    return HERE.joinpath("driver.c").read_text()
+    """Text of the cell driver, driver.c, and of the other entry points, entries.c."""
+    return HERE.joinpath("driver.c").read_text() + "\n" + HERE.joinpath("entries.c").read_text()
 
 
 def point_arithmetic_source() -> str:

@@ -109,7 +109,8 @@ typedef struct {
   vec *w_q, *xi_qx, *inverse_h, *gradient_txma, *second_xma; /* what shapes have, if it has to be gathered */
   vec *derivative_xma; /* coefficients of the four second derivatives */
   vec *m_mq;         /* monomials at the points */
-  const vec *weights;
+  vec *S_xmi, *V_rmi; /* second gradient of the displacement as polynomials: potential, derivatives */
+  const vec *weights, *second, *scale; /* where the shapes have them */
   int32_t shape_v[LANES]; /* whose B_qra it is */
   int n_rows;
   void *allocated;
@@ -121,10 +122,11 @@ static int allocate(workspace *work, const tmc_batch *batch, int tangent) {
   const size_t n = batch->n_basis, n_q = batch->n_points, n_1 = dimension(batch->gradient_degree);
   const size_t n_2 = dimension(batch->second_degree), blocks = tangent ? 3 : 0;
   const size_t sizes[] = {n_q * N_ROWS * n, blocks * POINTS_AT_ONCE * N_ROWS * n, blocks * n * n, 2 * n, 2 * n, 2 * n, n_q,
-                          2 * n_q, 1, 2 * n_1 * n * batch->n_pieces, 2 * n_2 * n, 4 * n_2 * n, (n_1 + n_2) * n_q};
+                          2 * n_q, 1, 2 * n_1 * n * batch->n_pieces, 2 * n_2 * n, 4 * n_2 * n, (n_1 + n_2) * n_q,
+                          4 * n_2, 8 * n_2};
   vec **parts[] = {&work->B_qra, &work->D_kqra, &work->K_kab, &work->u_ai, &work->du_ai, &work->R_ai, &work->w_q,
                    &work->xi_qx, &work->inverse_h, &work->gradient_txma, &work->second_xma, &work->derivative_xma,
-                   &work->m_mq};
+                   &work->m_mq, &work->S_xmi, &work->V_rmi};
   size_t total = 0;
   for (size_t p = 0; p < sizeof sizes / sizeof *sizes; ++p) total += sizes[p];
   work->allocated = malloc((total + 1) * sizeof(vec));
@@ -195,7 +197,7 @@ static void tabulate(workspace *work, const tmc_batch *batch, int n_rows, int64_
   const vec *xi_qx = of_shapes(batch->xi_spqx, 2 * (size_t)n_q, shape_v, work->xi_qx);
   const vec *gradient_txma = of_shapes(batch->gradient_sptxma, n_gradient, shape_v, work->gradient_txma);
   work->weights = of_shapes(batch->w_spq, (size_t)n_q, shape_v, work->w_q);
-  const int second_degree = n_rows > 2 ? batch->second_degree : 0;
+  const int second_degree = N_ROWS > 2 ? batch->second_degree : 0;
   const int degree = second_degree - 1 > batch->gradient_degree ? second_degree - 1 : batch->gradient_degree;
   monomials(degree, n_q, xi_qx, work->m_mq);
   for (int q = 0, end; q < n_q; q = end) {
@@ -205,15 +207,45 @@ static void tabulate(workspace *work, const tmc_batch *batch, int n_rows, int64_
       product(0, 0, end - q, n, n_1, work->m_mq + q, n_q, gradient_txma + ((size_t)piece * 2 + x) * n_1 * n, n,
               work->B_qra + (size_t)q * step + x * n, step);
   }
+  if (N_ROWS > 2) {
+    work->second = of_shapes(batch->second_spxma, 2 * (size_t)dimension(second_degree) * n, shape_v, work->second_xma);
+    work->scale = of_shapes(batch->inverse_h_sp, 1, shape_v, work->inverse_h);
+  }
   if (n_rows > 2) {
     const int n_lower = dimension(second_degree - 1);
-    const size_t n_second = 2 * (size_t)dimension(second_degree) * n;
-    const vec *second_xma = of_shapes(batch->second_spxma, n_second, shape_v, work->second_xma);
-    const vec *inverse_h = of_shapes(batch->inverse_h_sp, 1, shape_v, work->inverse_h);
-    differentiate(second_degree, n, inverse_h, second_xma, work->derivative_xma);
+    differentiate(second_degree, n, work->scale, work->second, work->derivative_xma);
     for (int r = 2; r < n_rows; ++r)
       product(0, 0, n_q, n, n_lower, work->m_mq, n_q, work->derivative_xma + (size_t)(r - 2) * n_lower * n, n,
               work->B_qra + r * n, step);
+  }
+}
+
+/* Polynomials V_rmi of the second gradient of the displacement, for levels that need no rows of the basis. */
+static void second_gradient_polynomials(const tmc_batch *batch, workspace *work) {
+  const int n = batch->n_basis;
+  for (int m = 0; m < 2 * dimension(batch->second_degree); ++m) {
+    vec S0 = {0.0}, S1 = {0.0};
+    for (int a = 0; a < n; ++a) {
+      S0 += work->second[m * n + a] * work->u_ai[2 * a];
+      S1 += work->second[m * n + a] * work->u_ai[2 * a + 1];
+    }
+    work->S_xmi[2 * m] = S0;
+    work->S_xmi[2 * m + 1] = S1;
+  }
+  differentiate(batch->second_degree, 2, work->scale, work->S_xmi, work->V_rmi);
+}
+
+/* x_ri = sum_m m(q) V_rmi for the four second derivatives. */
+static void second_gradient(const tmc_batch *batch, const workspace *work, int q, vec *x_ri) {
+  const int n_lower = dimension(batch->second_degree - 1);
+  for (int r = 0; r < 4; ++r) {
+    vec x0 = {0.0}, x1 = {0.0};
+    for (int m = 0; m < n_lower; ++m) {
+      x0 += work->m_mq[m * batch->n_points + q] * work->V_rmi[2 * (r * n_lower + m)];
+      x1 += work->m_mq[m * batch->n_points + q] * work->V_rmi[2 * (r * n_lower + m) + 1];
+    }
+    x_ri[2 * r] = x0;
+    x_ri[2 * r + 1] = x1;
   }
 }
 
@@ -250,19 +282,50 @@ static void jacobians(const vec *x, vec *J) {
 
 /* ---- Residual and tangent ---- */
 
-static void add_forces(int n_basis, const vec *w, const point_batch *batch, const vec *B_ra, vec *R_ai) {
+ALWAYS_INLINE void add_forces(const int n_rows, int n_basis, const vec *w, const point_batch *batch, const vec *B_ra,
+                              vec *R_ai) {
   vec g[2 * N_ROWS];
-  for (int k = 0; k < 2 * N_ROWS; ++k) g[k] = *w * batch->g[k];
+  for (int k = 0; k < 2 * n_rows; ++k) g[k] = *w * batch->g[k];
   for (int a = 0; a < n_basis; ++a) {
     vec R0 = R_ai[2 * a], R1 = R_ai[2 * a + 1];
 #pragma GCC unroll 6
-    for (int r = 0; r < N_ROWS; ++r) {
+    for (int r = 0; r < n_rows; ++r) {
       R0 += g[2 * r] * B_ra[r * n_basis + a];
       R1 += g[2 * r + 1] * B_ra[r * n_basis + a];
     }
     R_ai[2 * a] = R0;
     R_ai[2 * a + 1] = R1;
   }
+}
+
+/* T_rmi += w m(q) g_ri for the four second derivatives: forces on the polynomials V_rmi. */
+static void add_second_forces(const tmc_batch *batch, const workspace *work, int q, const point_batch *points, vec *T_rmi) {
+  const int n_lower = dimension(batch->second_degree - 1);
+  for (int r = 0; r < 4; ++r)
+    for (int m = 0; m < n_lower; ++m) {
+      const vec weight = work->weights[q] * work->m_mq[m * batch->n_points + q];
+      T_rmi[2 * (r * n_lower + m)] += weight * points->g[4 + 2 * r];
+      T_rmi[2 * (r * n_lower + m) + 1] += weight * points->g[5 + 2 * r];
+    }
+}
+
+/* Residual of the forces T_rmi: the transposed way back from V_rmi to u_ai. */
+static void forces_to_nodes(const tmc_batch *batch, workspace *work, const vec *T_rmi) {
+  const int n = batch->n_basis, n_m = dimension(batch->second_degree), n_lower = dimension(batch->second_degree - 1);
+  memset(work->S_xmi, 0, 4 * (size_t)n_m * sizeof(vec));
+  for (int x = 0; x < 2; ++x)
+    for (int d = 0, m = 0; d < batch->second_degree; ++d)
+      for (int b = 0; b <= d; ++b, ++m)
+        for (int i = 0; i < 2; ++i) {
+          vec *to = work->S_xmi + 2 * (x * n_m + dimension(d) + b) + i;
+          to[0] += *work->scale * (double)(d - b + 1) * T_rmi[2 * (x * n_lower + m) + i];
+          to[2] += *work->scale * (double)(b + 1) * T_rmi[2 * ((x + 2) * n_lower + m) + i];
+        }
+  for (int m = 0; m < 2 * n_m; ++m)
+    for (int a = 0; a < n; ++a) {
+      work->R_ai[2 * a] += work->second[m * n + a] * work->S_xmi[2 * m];
+      work->R_ai[2 * a + 1] += work->second[m * n + a] * work->S_xmi[2 * m + 1];
+    }
 }
 
 /* Scaled products w D B of one point for the blocks xx, xy and yy, ``block`` apart. */
@@ -321,16 +384,22 @@ static void store_tangent(const tmc_batch *batch, int64_t c, int lane, const vec
 int64_t tmc_cells(int level, const tmc_batch *batch, const double *u_ni, const double *parameters, double *energy_c,
                   double *min_j_c, double *residual_ni, const tmc_tangents *tangents) {
   const int n = batch->n_basis, n_q = batch->n_points;
+  /* below the tangent, the second gradient comes from polynomials of the displacement instead of rows of the basis */
+  const int rows = level >= TMC_TANGENT ? N_ROWS : 2;
   workspace work;
   if (!allocate(&work, batch, level >= TMC_TANGENT)) return -2;
   point_batch points;
   memset(&points, 0, sizeof points); /* entries that vanish identically are never written */
+  const size_t n_second = dimension(batch->second_degree);
+  vec *T_rmi = work.derivative_xma; /* not in use then: 4 n_second n_basis, and n_basis is at least 2 */
   const size_t block = (size_t)POINTS_AT_ONCE * N_ROWS * n;
   int64_t inadmissible = -1;
 
   for (int64_t c0 = 0; c0 < batch->n_cells; c0 += LANES) {
-    tabulate(&work, batch, N_ROWS, c0);
+    tabulate(&work, batch, rows, c0);
     gather_nodes(batch, c0, u_ni, work.u_ai);
+    if (rows < N_ROWS) second_gradient_polynomials(batch, &work);
+    if (residual_ni && rows < N_ROWS) memset(T_rmi, 0, 8 * n_second * sizeof(vec));
     vec energy = {0.0}, min_j = (vec){0.0} + INFINITY;
     if (residual_ni) memset(work.R_ai, 0, 2 * (size_t)n * sizeof(vec));
     if (level >= TMC_TANGENT) memset(work.K_kab, 0, 3 * (size_t)n * n * sizeof(vec));
@@ -339,7 +408,12 @@ int64_t tmc_cells(int level, const tmc_batch *batch, const double *u_ni, const d
       const int q_end = q0 + POINTS_AT_ONCE < n_q ? q0 + POINTS_AT_ONCE : n_q;
       for (int q = q0; q < q_end; ++q) {
         const vec *B_ra = work.B_qra + (size_t)q * N_ROWS * n, *w = work.weights + q;
-        displacement_gradient(N_ROWS, n, B_ra, work.u_ai, points.x);
+        if (rows == N_ROWS)
+          displacement_gradient(N_ROWS, n, B_ra, work.u_ai, points.x);
+        else {
+          displacement_gradient(2, n, B_ra, work.u_ai, points.x);
+          second_gradient(batch, &work, q, points.x + 4);
+        }
         vec J;
         jacobians(points.x, &J);
         for (int v = 0; v < LANES; ++v) {
@@ -348,13 +422,18 @@ int64_t tmc_cells(int level, const tmc_batch *batch, const double *u_ni, const d
         }
         evaluate_points(level, &points, parameters);
         energy += *w * points.psi;
-        if (residual_ni) add_forces(n, w, &points, B_ra, work.R_ai);
+        if (residual_ni && rows == N_ROWS) add_forces(N_ROWS, n, w, &points, B_ra, work.R_ai);
+        if (residual_ni && rows < N_ROWS) {
+          add_forces(2, n, w, &points, B_ra, work.R_ai);
+          add_second_forces(batch, &work, q, &points, T_rmi);
+        }
         if (level >= TMC_TANGENT)
           material_rows(n, w, &points, B_ra, work.D_kqra + (size_t)(q - q0) * N_ROWS * n, block);
       }
       if (level >= TMC_TANGENT)
         contract(n, (q_end - q0) * N_ROWS, work.B_qra + (size_t)q0 * N_ROWS * n, work.D_kqra, work.K_kab);
     }
+    if (residual_ni && rows < N_ROWS) forces_to_nodes(batch, &work, T_rmi);
     if (level >= TMC_TANGENT) complete_symmetric_blocks(n, work.K_kab);
     for (int v = 0; v < LANES && c0 + v < batch->n_cells; ++v) {
       const int64_t c = c0 + v;
@@ -370,105 +449,4 @@ int64_t tmc_cells(int level, const tmc_batch *batch, const double *u_ni, const d
   }
   free(work.allocated);
   return inadmissible;
-}
-
-/* ---- The largest admissible step ---- */
-
-/* Smallest positive root of c0 + c1 s + c2 s^2 with c0 > 0, or infinity; stable for c2 -> 0. */
-static double smallest_positive_root(double c0, double c1, double c2) {
-  const double discriminant = c1 * c1 - 4.0 * c0 * c2;
-  if (!(discriminant >= 0.0)) return INFINITY;
-  const double q = -0.5 * (c1 - sqrt(discriminant)); /* the larger root of q^2 + c1 q + c0 c2 */
-  const double p = -0.5 * (c1 + sqrt(discriminant));
-  double root = INFINITY;
-  if (c1 <= 0.0) { /* q has no cancellation: roots are c0 / q and q / c2 */
-    if (q > 0.0) root = c0 / q;
-  } else if (c2 < 0.0) { /* p has no cancellation and is negative: the positive root is p / c2 */
-    root = p / c2;
-  }
-  return root;
-}
-
-int64_t tmc_max_step(const tmc_batch *batch, const double *u_ni, const double *du_ni, double *step_c) {
-  const int n = batch->n_basis;
-  workspace work;
-  if (!allocate(&work, batch, 0)) return -2;
-  for (int64_t c0 = 0; c0 < batch->n_cells; c0 += LANES) {
-    tabulate(&work, batch, 2, c0);
-    gather_nodes(batch, c0, u_ni, work.u_ai);
-    gather_nodes(batch, c0, du_ni, work.du_ai);
-    double step[LANES];
-    for (int v = 0; v < LANES; ++v) step[v] = INFINITY;
-    for (int q = 0; q < batch->n_points; ++q) {
-      const vec *B_ra = work.B_qra + (size_t)q * N_ROWS * n;
-      vec H_k[4], dH_k[4], J;
-      displacement_gradient(2, n, B_ra, work.u_ai, H_k);
-      displacement_gradient(2, n, B_ra, work.du_ai, dH_k);
-      jacobians(H_k, &J);
-      const_lanes H = (const_lanes)H_k, dH = (const_lanes)dH_k;
-      for (int v = 0; v < LANES; ++v) {
-        const double c0_v = ((double *)&J)[v];
-        const double c1 =
-            (1.0 + H[3][v]) * dH[0][v] - H[2][v] * dH[1][v] - H[1][v] * dH[2][v] + (1.0 + H[0][v]) * dH[3][v];
-        const double c2 = dH[0][v] * dH[3][v] - dH[1][v] * dH[2][v];
-        const double s = c0_v > 0.0 ? smallest_positive_root(c0_v, c1, c2) : 0.0;
-        if (s < step[v]) step[v] = s;
-      }
-    }
-    for (int v = 0; v < LANES && c0 + v < batch->n_cells; ++v) step_c[c0 + v] = step[v];
-  }
-  free(work.allocated);
-  return -1;
-}
-
-/* ---- Positions in a matrix ---- */
-
-int64_t tmc_positions(int64_t n_cells, int n_basis, const int32_t *nodes_ca, const int64_t *row_start_n,
-                      const int32_t *row_length_n, const int32_t *column_n, const int32_t *columns,
-                      int32_t *position_cab) {
-  for (int64_t c = 0; c < n_cells; ++c) {
-    const int32_t *nodes_a = nodes_ca + c * n_basis;
-    for (int a = 0; a < n_basis; ++a) {
-      const int64_t start = row_start_n[nodes_a[a]];
-      for (int b = 0; b < n_basis; ++b) {
-        const int32_t wanted = column_n[nodes_a[b]];
-        int64_t low = start, high = start + row_length_n[nodes_a[a]];
-        while (low < high) {
-          const int64_t middle = (low + high) / 2;
-          if (columns[middle] < wanted)
-            low = middle + 1;
-          else
-            high = middle;
-        }
-        if (low == start + row_length_n[nodes_a[a]] || columns[low] != wanted) return c;
-        position_cab[(c * n_basis + a) * n_basis + b] = (int32_t)low;
-      }
-    }
-  }
-  return -1;
-}
-
-/* ---- Single states ---- */
-
-void tmc_points(int level, int64_t n_states, const double *x_nx, const double *parameters, double *psi_n,
-                double *g_nx, double *h_nk) {
-  point_batch batch;
-  memset(&batch, 0, sizeof batch);
-  const_lanes g = (const_lanes)batch.g, h = (const_lanes)batch.h;
-  for (int64_t n0 = 0; n0 < n_states; n0 += LANES) {
-    const int n_lanes = n_states - n0 < LANES ? (int)(n_states - n0) : LANES;
-    for (int v = 0; v < LANES; ++v) {
-      const int64_t n = v < n_lanes ? n0 + v : n_states - 1;
-      for (int k = 0; k < N_X; ++k) ((lanes)batch.x)[k][v] = x_nx[n * N_X + k];
-    }
-    evaluate_points(level, &batch, parameters);
-    for (int v = 0; v < n_lanes; ++v) {
-      const int64_t n = n0 + v;
-      psi_n[n] = ((double *)&batch.psi)[v];
-      if (level >= TMC_GRADIENT)
-        for (int k = 0; k < N_X; ++k) g_nx[n * N_X + k] = g[k][v];
-      if (level >= TMC_TANGENT)
-        for (int k = 0; k < N_H; ++k) h_nk[n * N_H + k] = h[k][v];
-    }
-  }
 }
