@@ -384,8 +384,11 @@ static void store_tangent(const tmc_batch *batch, int64_t c, int lane, const vec
 int64_t tmc_cells(int level, const tmc_batch *batch, const double *u_ni, const double *parameters, double *energy_c,
                   double *min_j_c, double *residual_ni, const tmc_tangents *tangents) {
   const int n = batch->n_basis, n_q = batch->n_points;
-  /* below the tangent, the second gradient comes from polynomials of the displacement instead of rows of the basis */
-  const int rows = level >= TMC_TANGENT ? N_ROWS : 2;
+  /* Below the tangent, the second gradient comes from polynomials of the displacement instead of rows of the basis, unless
+   * cells share a shape, whose rows are made once. */
+  const int64_t beyond = batch->n_cells > LANES ? LANES : batch->n_cells - 1;
+  const int shared = beyond > 0 && batch->shape_c[0] == batch->shape_c[beyond];
+  const int rows = level >= TMC_TANGENT || shared ? N_ROWS : 2;
   workspace work;
   if (!allocate(&work, batch, level >= TMC_TANGENT)) return -2;
   point_batch points;
