@@ -127,7 +127,7 @@ def test_earlier_runs_and_other_things_are_not_replaced(tmp_path: Path) -> None:
 
 def test_unreached_load_is_exit_code_3_and_keeps_what_converged(tmp_path: Path) -> None:
     out = tmp_path / "box"
-    done = tmc("run", "box", *CELLS, "--uy", "-40", "--rule", "triangles", "--out", str(out), "--quiet")
+    done = tmc("run", "box", *CELLS, "--uy", "-40", "--max-iterations", "60", "--out", str(out), "--quiet")
     assert done.returncode == 3, done.stderr
     assert "stopped at" in done.stderr
     result = json.loads((out / "result.json").read_text())
