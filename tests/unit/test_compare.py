@@ -18,7 +18,7 @@ from tmc_vem.compare import METHODS, cbox_study, compare, converged, voronoi_stu
 from tmc_vem.errors import InputError
 from tmc_vem.paper import table2 as paper_table2
 from tmc_vem.paper import table3 as paper_table3
-from tmc_vem.paper.point_loads import sinking
+from tmc_vem.paper.point_loads import creep, sinking
 from tmc_vem.paper.values import table2, table3
 from tmc_vem.problems import Bodies, Punch
 from tmc_vem.problems.cbox import angle_medium
@@ -35,7 +35,7 @@ SHORT = ("--uy", "-0.05", "--factor", "1", "--factor", "2", "--factor", "3")
 def tmc(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", "from tmc_vem.cli.main import main; main()", *arguments]
     return subprocess.run(
-        command, cwd=cwd, capture_output=True, text=True, timeout=300, env=clean_environment(), check=False
+        command, cwd=cwd, capture_output=True, text=True, timeout=600, env=clean_environment(), check=False
     )
 
 
@@ -257,6 +257,8 @@ def test_single_nodes_sink_in_further_on_finer_meshes(compared: Path) -> None:
         depth = [float(str(row[column])) for row in table.rows]
         assert 0.0 < depth[0] < depth[1] < depth[2]
     assert sinking({"1": runs[1], "2": None}) is None
+    assert creep(runs[2], runs[3]) > 0.0  # pressed together a little less
+    assert creep(runs[2], None) == 0.0
 
 
 def test_every_target_has_runs_of_its_own() -> None:
@@ -284,3 +286,17 @@ def test_reproducing_a_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert gaps == sorted(gaps, reverse=True)  # the gap falls with gamma
     with pytest.raises(InputError, match="no 'fig6'"):
         reproduce(["fig6"], tmp_path, command="")
+
+
+def test_table2_from_the_command_line(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    done = tmc("reproduce", "table2", "--quick", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    page = (tmp_path / "out" / "table2.html").read_text()
+    assert "9 of 9 pairs reach full load with both methods on all meshes" in page
+    assert page.count('class="suspect"') == 2 * 6  # the cells of the paper that cannot be right, and their ratios
+    within = re.search(r"fine FEM, without suspect cells, is within ([\d.]+) % of our converged gap", page)
+    assert within is not None
+    assert float(within[1]) < 5.0  # coarse meshes
+    again = tmc("reproduce", "table2", "--quick", "--out", "out", cwd=tmp_path)
+    assert "54 runs, 54 of them done before" in again.stderr

@@ -35,7 +35,10 @@ def test_a_section_as_markdown() -> None:
 
 @pytest.mark.parametrize(
     ("name", "blocks"),
-    [("README.md", ["readme"]), ("docs/reproduction.md", ["table2-fem", "table2-vem", "table3", "fig4"])],
+    [
+        ("README.md", ["readme"]),
+        ("docs/reproduction.md", ["table2-fem", "table2-meshes", "table2-vem", "table3", "fig4", "figures"]),
+    ],
 )
 def test_documents_have_their_blocks_filled(name: str, blocks: list[str]) -> None:
     document = (ROOT / name).read_text()

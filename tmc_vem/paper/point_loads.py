@@ -57,6 +57,18 @@ def sinking(runs: Mapping[str, RunResult | None]) -> Table | None:
     return Table("How far the single nodes sink into the wall, and what that does to the gap.", head, rows)
 
 
+def creep(coarse: RunResult | None, fine: RunResult | None) -> float:
+    """Change of the gap, relative to it, by what the single nodes sink in further on a finer mesh; 0 if unknown."""
+    try:
+        if coarse is None or fine is None or not fine.gap or fine.steps < 2:
+            return 0.0
+        first, second = (read_fields(run, snapshots(run)[-1]) for run in (coarse, fine))
+    except (InputError, IndexError):
+        return 0.0
+    deeper = sum(_shortened(second, *pair) - _shortened(first, *pair) for pair in (LOADED, SUPPORTED))
+    return -_slope(fine) * deeper / fine.gap
+
+
 def _shortened(fields: Fields, first: tuple[float, float], second: tuple[float, float]) -> float:
     """By how much two points have come closer."""
     points = fields.polygons.points_nx

@@ -22,8 +22,13 @@ def of_runs(runs: Mapping[str, RunResult]) -> list[str]:
             found.insert(0, f"{reached(run)} of the load: {run.reason}")
         for sentence in found:
             said.setdefault(sentence, []).append(name)
-    messages = [f"{', '.join(names)}: {sentence}" for sentence, names in said.items()]
+    messages = [f"{_some(names)}: {sentence}" for sentence, names in said.items()]
     return messages + _mixed(runs.values())
+
+
+def _some(names: list[str]) -> str:
+    """Names, not more than a few."""
+    return ", ".join(names) if len(names) <= 3 else f"{', '.join(names[:2])} and {len(names) - 2} others"
 
 
 def _mixed(runs: Iterable[RunResult]) -> list[str]:
