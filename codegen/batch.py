@@ -22,7 +22,10 @@ class BatchStruct(ctypes.Structure):
 
     _fields_ = (
         ("n_cells", ctypes.c_int64),
-        *((name, ctypes.c_int32) for name in ("n_basis", "n_points", "n_pieces", "gradient_degree", "second_degree")),
+        *(
+            (name, ctypes.c_int32)
+            for name in ("n_basis", "n_points", "n_pieces", "gradient_degree", "second_degree", "n_translated")
+        ),
         *((name, ctypes.c_void_p) for name in ("shape_c", "nodes_ca", "piece_q", "w_spq", "xi_spqx")),
         *((name, ctypes.c_void_p) for name in ("inverse_h_sp", "gradient_sptxma", "second_spxma")),
     )
@@ -48,6 +51,9 @@ class CellBatch:
             of F alone.
         gradient_degree, second_degree: of the polynomials.
         n_pieces: pieces of the projected gradient.
+        n_translated: a translation by 1 is 1 in so many degrees of freedom, the first, and 0 in the others. Kernels
+            take the translation of the first node out before they sum, which keeps a stiff body that moves far free
+            of forces from rounding. 0 if a translation is something else.
     """
 
     shape_c: Int32
@@ -61,6 +67,7 @@ class CellBatch:
     gradient_degree: int
     second_degree: int
     n_pieces: int
+    n_translated: int = 0
 
     @staticmethod
     def pack(
@@ -72,6 +79,7 @@ class CellBatch:
         h_s: Array,
         gradient_stxma: Array,
         second_sxma: Array | None,
+        n_translated: int = 0,
     ) -> CellBatch:
         """Batch of arrays with one entry per shape.
 
@@ -83,6 +91,7 @@ class CellBatch:
             gradient_stxma: (n_shapes, n_pieces, 2, dim P_l, n_basis) coefficients of the projected gradient.
             second_sxma: (n_shapes, 2, dim P_m, n_basis) coefficients of the polynomial vector field whose derivatives
                 are the second gradient; the same array as ``gradient_stxma`` is kept once.
+            n_translated: see the class.
         """
         gradient = _packed(gradient_stxma)
         shared = second_sxma is not None and np.shares_memory(second_sxma, gradient_stxma)
@@ -98,6 +107,7 @@ class CellBatch:
             gradient_degree=_degree(gradient_stxma.shape[3]),
             second_degree=0 if second_sxma is None else _degree(second_sxma.shape[2]),
             n_pieces=gradient_stxma.shape[1],
+            n_translated=n_translated,
         )
 
     def take(self, cells: NDArray[Any] | slice) -> CellBatch:
@@ -105,7 +115,7 @@ class CellBatch:
         return CellBatch(
             np.ascontiguousarray(self.shape_c[cells]), np.ascontiguousarray(self.nodes_ca[cells]), self.piece_q,
             self.w_sp, self.xi_sp, self.inverse_h_sp, self.gradient_sp, self.second_sp, self.gradient_degree,
-            self.second_degree, self.n_pieces,
+            self.second_degree, self.n_pieces, self.n_translated,
         )  # fmt: skip
 
     @property
@@ -162,7 +172,7 @@ class CellBatch:
         """
         return BatchStruct(
             self.n_cells, self.n_basis, self.n_points, self.n_pieces, self.gradient_degree, self.second_degree,
-            address(self.shape_c), address(self.nodes_ca), address(self.piece_q), address(self.w_sp),
+            self.n_translated, address(self.shape_c), address(self.nodes_ca), address(self.piece_q), address(self.w_sp),
             address(self.xi_sp), address(self.inverse_h_sp), address(self.gradient_sp), address(self.second_sp),
         )  # fmt: skip
 

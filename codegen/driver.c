@@ -249,14 +249,18 @@ static void second_gradient(const tmc_batch *batch, const workspace *work, int q
   }
 }
 
+/* Degrees of freedom without the translation of the cell's first node: it has no gradient, and a stiff body that moves far
+ * would get forces from rounding by it. */
 static void gather_nodes(const tmc_batch *batch, int64_t first_cell, const double *u_ni, vec *u_ai) {
   for (int v = 0; v < LANES; ++v) {
     const int64_t c = first_cell + v < batch->n_cells ? first_cell + v : batch->n_cells - 1;
     const int32_t *nodes_a = batch->nodes_ca + c * batch->n_basis;
-    for (int a = 0; a < batch->n_basis; ++a) {
-      ((lanes)u_ai)[2 * a][v] = u_ni[2 * (int64_t)nodes_a[a]];
-      ((lanes)u_ai)[2 * a + 1][v] = u_ni[2 * (int64_t)nodes_a[a] + 1];
-    }
+    const double *first_i = u_ni + 2 * (int64_t)nodes_a[0];
+    for (int a = 0; a < batch->n_basis; ++a)
+      for (int i = 0; i < 2; ++i) {
+        const double translation = a < batch->n_translated ? first_i[i] : 0.0;
+        ((lanes)u_ai)[2 * a + i][v] = u_ni[2 * (int64_t)nodes_a[a] + i] - translation;
+      }
   }
 }
 

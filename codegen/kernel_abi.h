@@ -26,6 +26,7 @@ typedef struct {
   int64_t n_cells;
   int32_t n_basis, n_points, n_pieces;
   int32_t gradient_degree, second_degree; /* of gradient_txma and second_xma */
+  int32_t n_translated; /* a translation by 1 is 1 in so many degrees of freedom, the first, and 0 in the others; or 0 */
   const int32_t *shape_c;                 /* [n_cells] */
   const int32_t *nodes_ca;                /* [n_cells][n_basis] */
   const int32_t *piece_q;                 /* [n_points] the piece on which a point lies */

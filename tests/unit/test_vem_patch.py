@@ -99,6 +99,16 @@ def test_linear_displacement_under_finite_strain(name, k):
     assert torque == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("name", MESHES)
+def test_a_stiff_body_that_moves_far_has_no_forces(name):
+    """Summed as they are, displacements of 1e3 would leave forces of 1e-13 times the stiffness."""
+    system = make_system(MESHES[name], region("solid", K=1e5, mu=1e5), CLAMPED)
+    u, residual = system.create_vector(), system.create_vector()
+    u.getArray()[0::2], u.getArray()[1::2] = 1e3, -1e4 / 3
+    assert system.residual(u, residual).energy == 0.0
+    assert residual.norm() == 0.0
+
+
 def positions(system):
     """Coordinates (n_nodes, 2) of vertices and points of edges; zero for moments."""
     mesh, dofmap, edges = system.distributed.mesh, system.dofmap, system.distributed.edges

@@ -16,6 +16,7 @@ from tmc_vem.vem.projector import (
     gradient_projector,
     moments_of_basis,
     n_scalar_dofs,
+    n_translated_dofs,
     value_projector,
 )  # fmt: skip
 from tmc_vem.vem.quadrature import gauss_lobatto
@@ -216,3 +217,15 @@ def test_degrees_of_freedom_of_monomials(k):
     expected = np.array([oracle.dofs_of(oracle.m(p), k) for p in powers(k)]).T
     found = dofs_of_monomials(PolygonGeometry.of(SHAPES["U"][None], k), k)[0]
     assert found == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("k", ORDERS)
+@pytest.mark.parametrize("name", NAMES)
+def test_a_translation_is_one_in_the_first_degrees_of_freedom_and_zero_in_the_others(name, k):
+    one = dofs_of_monomials(PolygonGeometry.of(SHAPES[name][None], k), k)[0, :, 0]
+    n = n_translated_dofs(len(SHAPES[name]), k)
+    if n:
+        assert one[:n] == pytest.approx(1.0, abs=1e-14)
+        assert one[n:] == pytest.approx(0.0, abs=1e-14)
+    else:  # neither one nor zero, so that nothing can be taken out
+        assert ((np.abs(one) > 1e-3) & (np.abs(one - 1.0) > 1e-3)).any()

@@ -14,6 +14,7 @@ from tmc_vem.mesh.distribute import DistributedMesh
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.element import ElementGroup
+from tmc_vem.vem.projector import n_translated_dofs
 from tmc_vem.vem.spaces import Gradients
 
 Float = NDArray[np.float64]
@@ -109,6 +110,7 @@ def make_blocks(
                 h_s=tables.h_s,
                 gradient_stxma=tables.gradients.first_stxma,
                 second_sxma=tables.gradients.second_sxma if energy.kernel.uses_second_gradient else None,
+                n_translated=n_translated_dofs(group.n_sides, dofmap.order),
             )
             blocks.append(
                 Block(

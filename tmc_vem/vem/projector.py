@@ -158,6 +158,15 @@ def dofs_of_monomials(geometry: PolygonGeometry, k: int) -> Float:
     return np.concatenate([monomials.values(k, points), moments], axis=1)
 
 
+def n_translated_dofs(n_sides: int, k: int) -> int:
+    """Degrees of freedom, the first ones, that are 1 for the constant function 1, while the others are 0.
+
+    Those at the boundary and the moment of degree 0; linear moments about the centroid are 0. From k = 4 on there are
+    moments of degree 2, which are neither, and the answer is 0: there is no such split.
+    """
+    return k * n_sides + 1 if k < 4 else 0
+
+
 def solve_with_mass(mass_cab: Float, rhs_cad: Float) -> Float:
     """Solution with mass matrices of monomials, whose condition numbers a scaling to unit diagonal brings down."""
     scale = 1.0 / np.sqrt(np.einsum("caa->ca", mass_cab))
