@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from harness import interleaved, report
 
+KINDS = ("quadrilaterals", "voronoi")
 SIZES = [5e3, 16e3, 50e3, 160e3, 500e3]
 FACTOR = 70e3  # largest size that is factorised
 
@@ -81,6 +82,32 @@ def exponent(n: list[float], values: list[float]) -> float:
     return float(np.polyfit(np.log(n), np.log(values), 1)[0])
 
 
+COLUMNS = (
+    "cells, dofs", "set-up, us/dof", "us/cell", "tangent, us/dof", "residual, us/dof", "KiB/dof", "solve, us/dof",
+    "KiB/dof with factor",
+)  # fmt: skip
+
+
+def table_rows(results: dict[str, Any]) -> list[tuple[str, ...]]:
+    """Rows under ``COLUMNS``, for the terminal and for the page."""
+    rows = []
+    for kind in KINDS:
+        for f in results[kind]["sizes"]:
+            per = 1.0 / f["n_dofs"]
+            rows.append((
+                f"{kind}, {f['n_dofs']}", f"{1e6 * f['setup_cpu'] * per:.1f}",
+                f"{1e6 * f['setup_cpu'] / f['n_cells']:.0f}", f"{1e6 * f['tangent'] * per:.2f}",
+                f"{1e6 * f['residual'] * per:.3f}", f"{f['memory'] * per / 1024:.2f}",
+                f"{1e6 * f['next_solve'] * per:.1f}" if "next_solve" in f else "",
+                f"{f['with_factor'] * per / 1024:.1f}" if "with_factor" in f else "",
+            ))  # fmt: skip
+        powers = results[kind]["exponents"]
+        if powers:
+            cells = [f"n^{powers[k]:.2f}" for k in ("setup_cpu", "tangent", "residual", "memory")]
+            rows.append((f"{kind}: exponents", cells[0], "", *cells[1:], "", ""))
+    return rows
+
+
 def main() -> None:
     """Print growth and write it."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -92,8 +119,8 @@ def main() -> None:
         kind, n = arguments.one
         print(json.dumps(measure(kind, float(n), float(n) <= arguments.factor)))
         return
-    rows, results = [], {}
-    for kind in ("quadrilaterals", "voronoi"):
+    results = {}
+    for kind in KINDS:
         found: list[dict[str, Any]] = []
         for n in arguments.sizes:
             command = [sys.executable, __file__, "--factor", str(arguments.factor), "--one", kind, str(n)]
@@ -103,23 +130,7 @@ def main() -> None:
         keys = ("setup_cpu", "tangent", "residual", "memory")
         growth = {k: exponent(sizes, [f[k] for f in found]) for k in keys} if len(sizes) > 1 else {}
         results[kind] = {"sizes": found, "exponents": growth}
-        for f in found:
-            per = 1.0 / f["n_dofs"]
-            rows.append((
-                f"{kind}, {f['n_dofs']} dofs", f"{1e6 * f['setup_cpu'] * per:.1f}",
-                f"{1e6 * f['setup_cpu'] / f['n_cells']:.0f}", f"{1e6 * f['tangent'] * per:.2f}",
-                f"{1e6 * f['residual'] * per:.3f}", f"{f['memory'] * per / 1024:.2f}",
-                f"{1e6 * f['next_solve'] * per:.1f}" if "next_solve" in f else "",
-                f"{f['with_factor'] * per / 1024:.2f}" if "with_factor" in f else "",
-            ))  # fmt: skip
-        if growth:
-            cells = [f"n^{growth[k]:.2f}" for k in ("setup_cpu", "tangent", "residual", "memory")]
-            rows.append((f"{kind}, exponents", cells[0], "", *cells[1:], "", ""))
-    columns = (
-        "cells", "set-up us/dof", "us/cell", "tangent us/dof", "residual us/dof", "KiB/dof", "solve us/dof",
-        "KiB/dof with factor",
-    )  # fmt: skip
-    report("growth", "Growth with the size, damped huhu_lulu", columns, rows, results)
+    report("growth", "Growth with the size, damped huhu_lulu", COLUMNS, table_rows(results), results)
 
 
 if __name__ == "__main__":

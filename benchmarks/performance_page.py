@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from growth import COLUMNS, table_rows
 from harness import RESULTS
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -107,25 +108,7 @@ def phases() -> str:
 
 def growth() -> str:
     """(e) Growth."""
-    data, rows = load("growth"), []
-    for kind in ("quadrilaterals", "voronoi"):
-        for f in data[kind]["sizes"]:
-            per = 1.0 / f["n_dofs"]
-            rows.append((
-                f"{kind}, {f['n_dofs']}", f"{1e6 * f['setup_cpu'] * per:.1f}",
-                f"{1e6 * f['setup_cpu'] / f['n_cells']:.0f}", f"{1e6 * f['tangent'] * per:.2f}",
-                f"{1e6 * f['residual'] * per:.3f}", f"{f['memory'] * per / 1024:.2f}",
-                f"{1e6 * f['next_solve'] * per:.1f}" if "next_solve" in f else "",
-                f"{f['with_factor'] * per / 1024:.1f}" if "with_factor" in f else "",
-            ))  # fmt: skip
-        powers = data[kind]["exponents"]
-        cells = [f"n^{powers[k]:.2f}" for k in ("setup_cpu", "tangent", "residual", "memory")]
-        rows.append((f"{kind}: exponents", cells[0], "", *cells[1:], "", ""))
-    heading = (
-        "cells, dofs", "set-up, us/dof", "us/cell", "tangent, us/dof", "residual, us/dof", "KiB/dof", "solve, us/dof",
-        "KiB/dof with factor",
-    )  # fmt: skip
-    return table(heading, rows)
+    return table(COLUMNS, table_rows(load("growth")))
 
 
 def projectors() -> str:
