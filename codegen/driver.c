@@ -101,7 +101,6 @@ static void product(int upper, int add, int n_a, int n_b, int n_m, const vec *le
 /* ---- The projected basis of LANES cells ---- */
 
 typedef struct {
-  vec *memory;       /* what follows, allocated at once */
   vec *B_qra;        /* derivative rows */
   vec *D_kqra;       /* w D B of the blocks k = xx, xy, yy for POINTS_AT_ONCE points */
   vec *K_kab;        /* the tangent's blocks */
@@ -113,7 +112,7 @@ typedef struct {
   const vec *weights, *second, *scale; /* where the shapes have them */
   int32_t shape_v[LANES]; /* whose B_qra it is */
   int n_rows;
-  void *allocated;
+  void *allocated; /* all of the above that is not where the shapes have it */
 } workspace;
 
 static inline int dimension(int degree) { return degree < 0 ? 0 : (degree + 1) * (degree + 2) / 2; }
@@ -131,8 +130,7 @@ static int allocate(workspace *work, const tmc_batch *batch, int tangent) {
   for (size_t p = 0; p < sizeof sizes / sizeof *sizes; ++p) total += sizes[p];
   work->allocated = malloc((total + 1) * sizeof(vec));
   if (!work->allocated) return 0;
-  work->memory = (vec *)(((uintptr_t)work->allocated + sizeof(vec) - 1) / sizeof(vec) * sizeof(vec));
-  vec *next = work->memory;
+  vec *next = (vec *)(((uintptr_t)work->allocated + sizeof(vec) - 1) / sizeof(vec) * sizeof(vec));
   for (size_t p = 0; p < sizeof sizes / sizeof *sizes; next += sizes[p++]) *parts[p] = next;
   work->n_rows = 0;
   return 1;

@@ -107,7 +107,7 @@ def test_cells_are_the_sums_over_their_points(name, n_cells, n_basis, n_points, 
     u = rng.normal(scale=0.02 / n_basis, size=(n_cells * n_basis, 2))
     energy, min_j, residual, tangent = by_sums(kernel, arrays, u)
     found, found_residual, found_tangent = run(kernel, batch, u)
-    np.testing.assert_allclose(found.energy_c, energy, rtol=1e-11)
+    np.testing.assert_allclose(found.energy_c, energy, rtol=1e-12)
     np.testing.assert_allclose(found.min_j_c, min_j, rtol=1e-12)
     np.testing.assert_allclose(found_residual, residual, rtol=0, atol=1e-12 * np.abs(residual).max())
     np.testing.assert_allclose(found_tangent, tangent, rtol=0, atol=1e-12 * np.abs(tangent).max())
@@ -125,7 +125,7 @@ def test_shapes_are_found_in_their_packs(n_shapes):
         arrays["shape_c"] = order
         energy, _, residual, _ = by_sums(kernel, arrays, u)
         found, found_residual, _ = run(kernel, CellBatch.pack(**arrays), u)
-        np.testing.assert_allclose(found.energy_c, energy, rtol=1e-11)
+        np.testing.assert_allclose(found.energy_c, energy, rtol=1e-12)
         np.testing.assert_allclose(found_residual, residual, rtol=0, atol=1e-12 * np.abs(residual).max())
 
 
