@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.files import whole_file, write_atomically
+from tmc_vem.files import write_atomically
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -84,35 +84,8 @@ class Fields:
         )
 
 
-def write_vtu(path: Path, fields: Fields) -> None:
-    """Write true polygons with displacement, J, region and energy density; warp by ``displacement`` in ParaView."""
-    import meshio
-
-    polygons = fields.polygons
-    sizes = np.diff(polygons.offsets)
-    order = [np.flatnonzero(sizes == size) for size in np.unique(sizes)]
-    cells = [
-        ("polygon", polygons.connectivity[polygons.offsets[members][:, None] + np.arange(sizes[members[0]])])
-        for members in order
-    ]
-    per_cell = {
-        "J": fields.jacobian_c,
-        "min_J": fields.min_jacobian_c,
-        "energy_density": fields.energy_density_c,
-        "region": polygons.region_c,
-    }
-    mesh = meshio.Mesh(
-        _in_space(polygons.points_nx),
-        cells,
-        point_data={"displacement": _in_space(fields.displacement_ni)},
-        cell_data={name: [values[members] for members in order] for name, values in per_cell.items()},
-    )
-    with whole_file(path) as temporary:
-        mesh.write(temporary)
-
-
 def write_pvtu(path: Path, pieces: Sequence[str]) -> None:
-    """Write the file that puts the pieces of several ranks, files of :func:`write_vtu` beside it, together."""
+    """Write the file that puts the pieces of several ranks, of :class:`tmc_vem.vtu.VtuWriter` beside it, together."""
     per_cell = "".join(
         f'      <PDataArray type="{kind}" Name="{name}"/>\n'
         for name, kind in (("J", "Float64"), ("min_J", "Float64"), ("energy_density", "Float64"), ("region", "Int64"))
@@ -140,7 +113,3 @@ def write_pvd(path: Path, entries: Sequence[tuple[float, Sequence[str]]]) -> Non
         '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
         f"  <Collection>\n{datasets}  </Collection>\n</VTKFile>\n",
     )
-
-
-def _in_space(plane: Float) -> Float:
-    return np.column_stack([plane, np.zeros(len(plane))])

@@ -9,9 +9,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.fields import Fields, Polygons, write_pvd, write_pvtu, write_vtu
+from tmc_vem.fields import Fields, Polygons, write_pvd, write_pvtu
 from tmc_vem.parallel import on_every_rank, on_root
 from tmc_vem.results import COLLECTION, FIELDS
+from tmc_vem.vtu import VtuWriter
 
 Float = NDArray[np.float64]
 
@@ -70,6 +71,7 @@ class SnapshotWriter:
         self._pending = sorted(loads)
         self.entries: list[tuple[float, list[str]]] = []
         self._polygons = source.output_polygons()
+        self._writer = VtuWriter(self._polygons)
 
     def restore(self, entries: Sequence[Sequence[Any]]) -> None:
         """Go on after these load factors and files, which an interrupted run has written."""
@@ -92,7 +94,7 @@ class SnapshotWriter:
         whole = f"step_{step:05d}.{'vtu' if comm.size == 1 else 'pvtu'}"
         pieces = [f"step_{step:05d}_{rank}.vtu" for rank in range(comm.size)] if comm.size > 1 else [whole]
         fields = fields_of(self.source, u, self._polygons)
-        on_every_rank(comm, lambda: write_vtu(here / pieces[comm.rank], fields))
+        on_every_rank(comm, lambda: self._writer.write(here / pieces[comm.rank], fields))
         filled = [name for name, n_cells in zip(pieces, comm.allgather(self._polygons.n_cells), strict=True) if n_cells]
         self.entries.append((load, [f"{FIELDS}/{whole}"]))
         on_root(comm, lambda: self._collect(here / whole, filled))

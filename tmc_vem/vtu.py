@@ -1,0 +1,113 @@
+"""VTU files of fields, written fast: arrays are appended as they are in memory, in blocks in zlib's format.
+
+The grid is the same in all files of a run: it is compressed once. Displacements and values of cells hardly shrink (by a
+quarter to a half, most of it zeros), and compressing them would take ten times as long as all the rest: they are only
+stored in that format.
+"""
+
+from __future__ import annotations
+
+import sys
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.fields import Fields, Polygons
+from tmc_vem.files import whole_file
+
+POLYGON = 7  # VTK's number of the cell type
+BLOCK = 1 << 20  # bytes that are compressed as one, of any number of arrays
+STORED, COMPRESSED = 0, 1  # levels of zlib; those above 1 take four times as long for a tenth less
+TYPES = {"f8": "Float64", "i8": "Int64", "u1": "UInt8"}
+
+
+@dataclass(frozen=True)
+class _Array:
+    """An array as it stands in a file: attributes of its element, and its bytes."""
+
+    attributes: str
+    data: Sequence[bytes]
+
+    @property
+    def size(self) -> int:
+        """Bytes that it takes."""
+        return sum(map(len, self.data))
+
+
+class VtuWriter:
+    """Writes states on the same polygons, one file each: true polygons with displacement, J, region and energy density.
+
+    Args:
+        polygons: the cells.
+    """
+
+    def __init__(self, polygons: Polygons) -> None:
+        sizes = np.diff(polygons.offsets)
+        self._counts = f'NumberOfPoints="{len(polygons.points_nx)}" NumberOfCells="{polygons.n_cells}"'
+        self._order = np.argsort(sizes, kind="stable")  # readers like cells with equally many points together
+        first, ordered = polygons.offsets[:-1][self._order], sizes[self._order]
+        ends = np.cumsum(ordered)
+        entries = np.arange(len(polygons.connectivity)) + np.repeat(first - (ends - ordered), ordered)
+        self._points = _array("Points", _in_space(polygons.points_nx), COMPRESSED)
+        self._cells = [
+            _array("connectivity", polygons.connectivity[entries].astype(np.int64), COMPRESSED),
+            _array("offsets", ends.astype(np.int64), COMPRESSED),
+            _array("types", np.full(polygons.n_cells, POLYGON, np.uint8), COMPRESSED),
+        ]
+        self._region = _array("region", polygons.region_c[self._order].astype(np.int64), COMPRESSED)
+
+    def write(self, path: Path, fields: Fields) -> None:
+        """Write a state; warp by ``displacement`` in ParaView.
+
+        Args:
+            path: file, which appears whole or not at all.
+            fields: the state, on this writer's polygons.
+
+        Raises:
+            OSError: it could not be written.
+        """
+        values = {"J": fields.jacobian_c, "min_J": fields.min_jacobian_c, "energy_density": fields.energy_density_c}
+        per_cell = [_array(name, value[self._order], STORED) for name, value in values.items()]
+        groups = {
+            "Points": [self._points],
+            "Cells": self._cells,
+            "PointData": [_array("displacement", _in_space(fields.displacement_ni), STORED)],
+            "CellData": [*per_cell, self._region],
+        }
+        offset, elements = 0, []
+        for group, arrays in groups.items():
+            elements.append(f"      <{group}>\n")
+            for array in arrays:
+                elements.append(f'        <DataArray {array.attributes} format="appended" offset="{offset}"/>\n')
+                offset += array.size
+            elements.append(f"      </{group}>\n")
+        head = (
+            '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" header_type="UInt64" '
+            f'byte_order="{sys.byteorder.capitalize()}Endian" compressor="vtkZLibDataCompressor">\n'
+            f"  <UnstructuredGrid>\n    <Piece {self._counts}>\n{''.join(elements)}    </Piece>\n"
+            '  </UnstructuredGrid>\n  <AppendedData encoding="raw">\n_'
+        )
+        with whole_file(path) as temporary, temporary.open("wb") as file:
+            file.write(head.encode())
+            for arrays in groups.values():
+                for array in arrays:
+                    file.writelines(array.data)
+            file.write(b"\n  </AppendedData>\n</VTKFile>\n")
+
+
+def _array(name: str, values: NDArray[Any], level: int) -> _Array:
+    """Values (n,) or (n, components) as blocks, after their number, their size, the last one's, and what they take."""
+    components = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else ""
+    plain = np.ascontiguousarray(values).tobytes()
+    blocks = [zlib.compress(plain[start : start + BLOCK], level) for start in range(0, len(plain), BLOCK)]
+    head = np.array([len(blocks), BLOCK, len(plain) % BLOCK, *map(len, blocks)], np.uint64)
+    return _Array(f'type="{TYPES[values.dtype.str[1:]]}" Name="{name}"{components}', [head.tobytes(), *blocks])
+
+
+def _in_space(plane: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.column_stack([plane, np.zeros(len(plane))])
