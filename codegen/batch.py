@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -11,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codegen.packs import LANES, packed
+
 Array = NDArray[np.float64]
 Int32 = NDArray[np.int32]
-
-LANES, ALIGNMENT = 8, 64
 
 
 class BatchStruct(ctypes.Structure):
@@ -93,17 +92,17 @@ class CellBatch:
                 are the second gradient; the same array as ``gradient_stxma`` is kept once.
             n_translated: see the class.
         """
-        gradient = _packed(gradient_stxma)
+        gradient = packed(gradient_stxma)
         shared = second_sxma is not None and np.shares_memory(second_sxma, gradient_stxma)
         return CellBatch(
             shape_c=np.ascontiguousarray(shape_c, dtype=np.int32),
             nodes_ca=np.ascontiguousarray(nodes_ca, dtype=np.int32),
             piece_q=np.ascontiguousarray(piece_q, dtype=np.int32),
-            w_sp=_packed(w_sq),
-            xi_sp=_packed(xi_sqx),
-            inverse_h_sp=_packed(1.0 / h_s),
+            w_sp=packed(w_sq),
+            xi_sp=packed(xi_sqx),
+            inverse_h_sp=packed(1.0 / h_s),
             gradient_sp=gradient,
-            second_sp=gradient if shared else None if second_sxma is None else _packed(second_sxma),
+            second_sp=gradient if shared else None if second_sxma is None else packed(second_sxma),
             gradient_degree=_degree(gradient_stxma.shape[3]),
             second_degree=0 if second_sxma is None else _degree(second_sxma.shape[2]),
             n_pieces=gradient_stxma.shape[1],
@@ -215,25 +214,6 @@ def address(array: NDArray[Any] | None) -> int | None:
     if not array.flags.c_contiguous:
         raise ValueError("kernels take C-contiguous arrays only")
     return array.ctypes.data
-
-
-def _packed(values: Array) -> Array:
-    """(n_packs, ..., 8) from (n_shapes, ...); the last pack is filled up with the last shape."""
-    n_shapes, rest = len(values), values.shape[1:]
-    n_packs, whole = -(-n_shapes // LANES), n_shapes // LANES
-    packed = _aligned((n_packs, *rest, LANES))
-    packed[:whole] = np.moveaxis(values[: whole * LANES].reshape(whole, LANES, *rest), 1, -1)
-    if n_packs > whole:
-        last = np.minimum(np.arange(whole * LANES, n_packs * LANES), n_shapes - 1)
-        packed[whole] = np.moveaxis(values[last], 0, -1)
-    return packed
-
-
-def _aligned(shape: Sequence[int]) -> Array:
-    size = int(np.prod(shape)) * 8
-    memory = np.empty(size + ALIGNMENT, dtype=np.uint8)
-    start = -memory.ctypes.data % ALIGNMENT
-    return memory[start : start + size].view(np.float64).reshape(shape)
 
 
 def _degree(dimension: int) -> int:

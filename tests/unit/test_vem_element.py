@@ -224,6 +224,43 @@ def test_cells_that_differ_do_not_share():
     assert len(set(classes.tolist())) == 4
 
 
+@pytest.mark.parametrize("collide", [False, True])
+def test_classes_are_those_of_equal_rows(monkeypatch, collide):
+    """Also where all rows get the same number, by which they are sorted."""
+    rng = np.random.default_rng(5)
+    different = np.stack([SHAPES["pentagon"] * size for size in (1.0, 1.5, 0.7)])
+    polygons = different[rng.integers(3, size=40)] + rng.normal(size=(40, 1, 2))
+    if collide:
+        monkeypatch.setattr(np.random, "default_rng", lambda seed: Zeros())
+    representatives, classes = congruence_classes(polygons)
+    sizes = polygons[:, 1, 0] - polygons[:, 0, 0]
+    assert len(representatives) == 3
+    assert (np.diff(representatives) > 0).all()
+    for c, size in enumerate(sizes):
+        assert sizes[representatives[classes[c]]] == pytest.approx(size)
+        assert representatives[classes[c]] == np.flatnonzero(np.abs(sizes - size) < 1e-9)[0]
+
+
+class Zeros:
+    """A generator of the number 0."""
+
+    def integers(self, high, size):
+        return np.zeros(size, dtype=np.int64)
+
+
+def test_groups_hold_all_cells_of_their_shapes():
+    mesh = hanging(6)
+    for group in build_elements(mesh, ElementSettings(projection="full")):
+        assert group.shape_c.tolist() == sorted(group.shape_c.tolist())
+        assert set(group.shape_c.tolist()) == set(range(len(group.tables.h_s)))
+        assert len(group.tables.h_s) <= group.most_shapes
+        for shape in range(len(group.tables.h_s)):
+            polygons = np.stack([mesh.points_vx[mesh.cell(c)] for c in group.cells[group.shape_c == shape]])
+            assert polygons - polygons[:, :1] == pytest.approx(
+                np.broadcast_to(polygons[0] - polygons[0, 0], polygons.shape)
+            )
+
+
 def test_every_cell_is_in_one_group_and_weights_add_up():
     mesh = hanging(4, 0.05)
     groups = build_elements(mesh, ElementSettings(projection="full"))

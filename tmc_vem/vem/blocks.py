@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from codegen.batch import CellBatch
 from codegen.kernel import Kernel
+from codegen.packs import Packs
 from tmc_vem.mesh.distribute import DistributedMesh
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.element import ElementGroup
+from tmc_vem.vem.monomials import degree_of
 from tmc_vem.vem.projector import n_translated_dofs
 from tmc_vem.vem.spaces import Gradients
 
@@ -85,43 +87,83 @@ class Block:
 
 
 def make_blocks(
-    distributed: DistributedMesh,
-    dofmap: DofMap,
-    groups: Sequence[ElementGroup],
-    kernels: Mapping[str, RegionKernel],
+    distributed: DistributedMesh, dofmap: DofMap, groups: Iterable[ElementGroup], kernels: Mapping[str, RegionKernel]
 ) -> list[Block]:
-    """Split element groups by region and pack what their kernels need."""
-    blocks = []
-    regions, region_c = distributed.mesh.region_names, distributed.mesh.region_c
+    """Gather element groups to blocks, packed as kernels take them.
+
+    Args:
+        distributed, dofmap: the mesh and its nodes.
+        groups: elements; they are packed as they come, so that there is never a second copy of all.
+        kernels: energy by region.
+    """
+    found: dict[tuple[object, ...], _Gatherer] = {}
     for group in groups:
-        for number in np.unique(region_c[group.cells]).tolist():
-            energy = kernels[regions[number]]
-            chosen = np.flatnonzero(region_c[group.cells] == number)
-            chosen = chosen[np.argsort(group.shape_c[chosen], kind="stable")]  # shapes in a row are read in place
-            cells = group.cells[chosen]
-            used, shape_c = np.unique(group.shape_c[chosen], return_inverse=True)
-            tables = group.tables if len(used) == len(group.tables.h_s) else group.tables.take(used)
-            batch = CellBatch.pack(
-                shape_c=shape_c,
-                nodes_ca=dofmap.cell_nodes(distributed, cells, group.n_sides),
-                piece_q=tables.piece_q,
-                w_sq=tables.w_sq,
-                xi_sqx=tables.xi_sqx,
-                h_s=tables.h_s,
-                gradient_stxma=tables.gradients.first_stxma,
-                second_sxma=tables.gradients.second_sxma if energy.kernel.uses_second_gradient else None,
-                n_translated=n_translated_dofs(group.n_sides, dofmap.order),
-            )
-            blocks.append(
-                Block(
-                    region=regions[number],
-                    kernel=energy.kernel,
-                    parameters=energy.parameters.copy(),
-                    batch=batch,
-                    cells=cells,
-                    n_sides=group.n_sides,
-                    degree=group.degree,
-                    projection=group.projection,
-                )
-            )
-    return blocks
+        region = distributed.mesh.region_names[group.region]
+        key = (group.region, group.n_sides, group.projection, group.tables.piece_q.tobytes())
+        if key not in found:
+            found[key] = _Gatherer(region, kernels[region], group)
+        found[key].add(group)
+    return [gathered.block(distributed, dofmap) for gathered in found.values()]
+
+
+class _Gatherer:
+    """A block whose groups come one after the other.
+
+    Args:
+        region: name of their region.
+        energy: of the region.
+        group: the first one, which is not added yet.
+    """
+
+    def __init__(self, region: str, energy: RegionKernel, group: ElementGroup) -> None:
+        self._region, self._energy, self._group = region, energy, group
+        self._cells: list[Int] = []
+        self._shape_c: list[NDArray[np.int32]] = []
+        self._n_shapes = 0
+        self._packs = [Packs(group.most_shapes, values.shape[1:]) for values in self._values(group)]
+
+    def _values(self, group: ElementGroup) -> list[Float]:
+        """What is packed: weights, points, inverse scales, gradients and, if it is needed and another, the second."""
+        tables = group.tables
+        values = [tables.w_sq, tables.xi_sqx, 1.0 / tables.h_s, tables.gradients.first_stxma]
+        if self._energy.kernel.uses_second_gradient and not tables.gradients.shared:
+            values.append(tables.gradients.second_sxma)
+        return values
+
+    def add(self, group: ElementGroup) -> None:
+        """Pack one more group."""
+        for packs, values in zip(self._packs, self._values(group), strict=True):
+            packs.append(values)
+        self._cells.append(group.cells)
+        self._shape_c.append(group.shape_c + np.int32(self._n_shapes))
+        self._n_shapes += len(group.tables.h_s)
+
+    def block(self, distributed: DistributedMesh, dofmap: DofMap) -> Block:
+        """All of them."""
+        group, kernel, cells = self._group, self._energy.kernel, np.concatenate(self._cells)
+        w_sp, xi_sp, inverse_h_sp, gradient_sp, *second = (packs.finish() for packs in self._packs)
+        gradients = group.tables.gradients
+        batch = CellBatch(
+            shape_c=np.concatenate(self._shape_c),
+            nodes_ca=dofmap.cell_nodes(distributed, cells, group.n_sides),
+            piece_q=group.tables.piece_q.astype(np.int32),
+            w_sp=w_sp,
+            xi_sp=xi_sp,
+            inverse_h_sp=inverse_h_sp,
+            gradient_sp=gradient_sp,
+            second_sp=second[0] if second else gradient_sp if kernel.uses_second_gradient else None,
+            gradient_degree=degree_of(gradients.first_stxma.shape[3]),
+            second_degree=degree_of(gradients.second_sxma.shape[2]) if kernel.uses_second_gradient else 0,
+            n_pieces=gradients.first_stxma.shape[1],
+            n_translated=n_translated_dofs(group.n_sides, dofmap.order),
+        )
+        return Block(
+            region=self._region,
+            kernel=kernel,
+            parameters=self._energy.parameters.copy(),
+            batch=batch,
+            cells=cells,
+            n_sides=group.n_sides,
+            degree=group.degree,
+            projection=group.projection,
+        )

@@ -67,11 +67,13 @@ class DofMap:
         probe.destroy()
         return DofMap(dm, vertices[:, 0], edges, cells, order, section.getStorageSize() // 2, n_global)
 
-    def cell_nodes(self, distributed: DistributedMesh, cells: Int, n_sides: int) -> Int:
+    def cell_nodes(self, distributed: DistributedMesh, cells: Int, n_sides: int) -> NDArray[np.int32]:
         """Nodes (n, n_basis) of cells with ``n_sides`` sides, in the order of the local basis."""
         sides = distributed.mesh.cell_offsets[cells][:, None] + np.arange(n_sides)
         vertices = self.vertex_nodes[distributed.mesh.cell_vertices[sides]]
         along = self.edge_nodes[distributed.edges.cell_edges[sides]]
         forward = distributed.edges.forward[sides]
         along = np.where(forward[..., None], along, along[..., ::-1])
-        return np.concatenate([vertices, along.reshape(len(cells), -1), self.cell_moments[cells]], axis=1)
+        nodes = np.concatenate([vertices, along.reshape(len(cells), -1), self.cell_moments[cells]], axis=1)
+        small: NDArray[np.int32] = nodes.astype(np.int32)
+        return small

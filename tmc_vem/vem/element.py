@@ -21,7 +21,7 @@ from tmc_vem.errors import InputError
 from tmc_vem.mesh.geometry import diameters
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.validation import check_fields, require_choice
-from tmc_vem.vem.quadrature import sub_triangles
+from tmc_vem.vem.quadrature import star_shaped, sub_triangles
 from tmc_vem.vem.rules import CellRule, compressed, convex, on_sub_triangles, simple
 from tmc_vem.vem.space_composite import CompositeSpace
 from tmc_vem.vem.space_macro import MacroSpace
@@ -127,23 +127,27 @@ class ElementSettings:
 
 @dataclass(frozen=True)
 class ElementGroup:
-    """Cells with equally many sides and quadrature points and the same projection space.
+    """Cells of one region with equally many sides and quadrature points and the same projection space.
 
     Attributes:
-        cells: (n,) cells of the mesh.
-        shape_c: (n,) int32, class of congruent cells of each.
+        cells: (n,) cells of the mesh, by shape.
+        shape_c: (n,) int32, class of congruent cells of each, ascending.
         tables: projected basis and quadrature of every class.
+        region: number of the cells' region.
         n_sides: vertices of each cell.
         degree: degree of the space's polynomials, the l of [P_l]^2.
         projection: the l of [P_l]^2, or the name of another space.
+        most_shapes: how many classes there are at most in all groups of this kind.
     """
 
     cells: Int
     shape_c: NDArray[np.int32]
     tables: Tables
+    region: int
     n_sides: int
     degree: int
     projection: str
+    most_shapes: int
 
     @property
     def n_basis(self) -> int:
@@ -152,7 +156,12 @@ class ElementGroup:
 
 
 def build_elements(mesh: PolygonMesh, settings: ElementSettings, cell_ids: Int | None = None) -> list[ElementGroup]:
-    """Element groups that cover the mesh.
+    """Element groups that cover the mesh, all of :func:`element_groups`."""
+    return list(element_groups(mesh, settings, cell_ids))
+
+
+def element_groups(mesh: PolygonMesh, settings: ElementSettings, cell_ids: Int | None = None) -> Iterator[ElementGroup]:
+    """Element groups that cover the mesh, a few hundred shapes at a time.
 
     Args:
         mesh: this rank's cells.
@@ -163,48 +172,60 @@ def build_elements(mesh: PolygonMesh, settings: ElementSettings, cell_ids: Int |
         InputError: a forced l leaves spurious modes on some cell, or no l up to the largest one has full rank; the
             message names the cell, the number of spurious modes and the l that works.
     """
-    groups = []
-    for _, cells, vertices_cv in mesh.cells_by_size():
-        polygons_cvx = mesh.points_vx[vertices_cv]
-        representatives, shape_of = congruence_classes(polygons_cvx)
-        for part, triangles in _alike(polygons_cvx[representatives]):
-            shapes = polygons_cvx[representatives[part]]
-            names = cells[representatives[part]] if cell_ids is None else cell_ids[cells[representatives[part]]]
-            for space, chosen, tables in _spaces_of(shapes, triangles, names, settings):
-                position = np.full(len(representatives), -1, dtype=np.int64)
-                position[part[chosen]] = np.arange(len(chosen))
-                members = np.flatnonzero(position[shape_of] >= 0)
-                groups.append(
-                    ElementGroup(
-                        cells=cells[members],
-                        shape_c=position[shape_of[members]].astype(np.int32),
-                        tables=tables,
-                        n_sides=vertices_cv.shape[1],
-                        degree=space.degree,
-                        projection=space.label,
-                    )
-                )
-    return groups
+    for n_sides, all_cells, _ in mesh.cells_by_size():
+        for region in np.unique(mesh.region_c[all_cells]).tolist():
+            cells = all_cells[mesh.region_c[all_cells] == region]
+            polygons_cvx = mesh.points_vx[mesh.cell_vertices[mesh.cell_offsets[cells][:, None] + np.arange(n_sides)]]
+            representatives, class_c = congruence_classes(polygons_cvx)
+            by_class, count = np.argsort(class_c, kind="stable"), np.bincount(class_c)
+            first = np.cumsum(count) - count
+            for kind in _alike(polygons_cvx[representatives]):
+                for start in range(0, len(kind), CHUNK):
+                    classes = kind[start : start + CHUNK]
+                    chosen = representatives[classes]
+                    names = cells[chosen] if cell_ids is None else cell_ids[cells[chosen]]
+                    for space, found, tables in _choose_space(polygons_cvx[chosen], names, settings):
+                        shapes = classes[found]
+                        members, shape_c = _members(by_class, first[shapes], count[shapes])
+                        yield ElementGroup(
+                            cells[members], shape_c, tables, region, n_sides, space.degree, space.label, len(kind)
+                        )
+
+
+def _members(by_class: Int, first: Int, count: Int) -> tuple[Int, NDArray[np.int32]]:
+    """``by_class[first : first + count]`` of several classes one after the other, and which of them each is in."""
+    number = np.repeat(np.arange(len(count), dtype=np.int32), count)
+    before = np.cumsum(count) - count
+    return by_class[(first - before)[number] + np.arange(len(number))], number
 
 
 def congruence_classes(polygons_cvx: Float) -> tuple[Int, Int]:
-    """Representatives (n_classes,) and class (n_cells,) of polygons that are equal up to a translation."""
+    """Representatives (n_classes,), ascending, and class (n_cells,) of polygons that are equal up to a translation."""
     diameter = diameters(polygons_cvx)
     relative = (polygons_cvx[:, 1:] - polygons_cvx[:, :1]) / diameter[:, None, None]
     keys = np.column_stack([relative.reshape(len(polygons_cvx), -1), np.log(diameter)])
     rounded = np.round(keys / CONGRUENCE).astype(np.int64)
-    _, representatives, classes = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
-    return representatives, classes.reshape(-1)
+    # sorting numbers is faster than sorting rows; should two rows have the same number, rows are sorted
+    number = rounded @ np.random.default_rng(0).integers(2**62, size=rounded.shape[1])
+    _, first, classes = np.unique(number, return_index=True, return_inverse=True)
+    if not np.array_equal(rounded[first[classes]], rounded):
+        _, first, classes = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+        classes = classes.reshape(-1)
+    # in the order of the mesh, whose cells are neighbours: kernels then find nodes in the cache
+    order = np.argsort(first)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return first[order], rank[classes]
 
 
-def _alike(polygons_cvx: Float) -> Iterator[tuple[Int, Float]]:
-    """Cells (n,) that take the same kind of quadrature rule, and their sub-triangles."""
-    for part, triangles in sub_triangles(polygons_cvx):
-        # for quadrilaterals the rule depends on convexity, and must not depend on what else is on a rank
-        kind = convex(polygons_cvx[part]) if polygons_cvx.shape[1] == 4 else np.ones(len(part), dtype=bool)
-        for chosen in (np.flatnonzero(kind), np.flatnonzero(~kind)):
-            if len(chosen):
-                yield part[chosen], triangles[chosen]
+def _alike(polygons_cvx: Float) -> Iterator[Int]:
+    """Cells (n,) that take the same kind of sub-triangles and of quadrature rule."""
+    star = star_shaped(polygons_cvx)
+    # for quadrilaterals the rule depends on convexity, and must not depend on what else is on a rank
+    kind = convex(polygons_cvx) if polygons_cvx.shape[1] == 4 else np.ones(len(star), dtype=bool)
+    for chosen in (star & kind, star & ~kind, ~star & kind, ~star & ~kind):
+        if chosen.any():
+            yield np.flatnonzero(chosen)
 
 
 def first_candidate(n_sides: int, k: int) -> int:
@@ -212,25 +233,11 @@ def first_candidate(n_sides: int, k: int) -> int:
     return max(k - 1, -(-(n_sides + 2 * k - 5) // 2))
 
 
-def _spaces_of(
-    shapes: Float, triangles: Float, names: Int, settings: ElementSettings
-) -> Iterator[tuple[ProjectionSpace, Int, Tables]]:
-    """:func:`_choose_space` for many shapes, by pieces that stay in the cache."""
-    found: dict[str, tuple[ProjectionSpace, list[Int], list[Tables]]] = {}
-    for first in range(0, len(shapes), CHUNK):
-        piece = slice(first, first + CHUNK)
-        for space, chosen, tables in _choose_space(shapes[piece], triangles[piece], names[piece], settings):
-            _, positions, parts = found.setdefault(space.label, (space, [], []))
-            positions.append(first + chosen)
-            parts.append(tables)
-    for space, positions, parts in found.values():
-        yield space, np.concatenate(positions), Tables.concatenate(parts)
-
-
 def _choose_space(
-    shapes: Float, triangles: Float, names: Int, settings: ElementSettings
+    shapes: Float, names: Int, settings: ElementSettings
 ) -> Iterator[tuple[ProjectionSpace, Int, Tables]]:
-    """Split shapes by the space they get: (space, positions among ``shapes``, tables)."""
+    """Split shapes of one kind by the space they get: (space, positions among ``shapes``, tables)."""
+    ((_, triangles),) = sub_triangles(shapes)
     k, n_sides = settings.order, shapes.shape[1]
     pending = np.arange(len(shapes))
     known = Shapes.of(shapes, triangles, k, k + 1)
@@ -245,7 +252,7 @@ def _choose_space(
         if settings.degree is not None and not passes.all():
             worst = int(np.flatnonzero(~passes)[0])
             constants = stability_constants(shapes[worst : worst + 1], tables.take(np.array([worst])), k)
-            raise InputError(_refusal(shapes, triangles, names, settings, worst, spurious_modes(constants)[0]))
+            raise InputError(_refusal(shapes, names, settings, worst, spurious_modes(constants)[0]))
         if passes.any():
             chosen = np.flatnonzero(passes)
             yield space, pending[chosen], tables if passes.all() else tables.take(chosen)
@@ -261,7 +268,7 @@ def _choose_space(
     raise InputError(f"{cell} with the projection '{settings.projection}': its shape is degenerate, check the mesh")
 
 
-def _refusal(shapes: Float, triangles: Float, names: Int, settings: ElementSettings, worst: int, spurious: int) -> str:
+def _refusal(shapes: Float, names: Int, settings: ElementSettings, worst: int, spurious: int) -> str:
     """Message for a forced l that leaves spurious modes, with the l that does not."""
     free = ElementSettings(settings.order, None, settings.quadrature, "full")
     chosen = slice(worst, worst + 1)
@@ -270,7 +277,7 @@ def _refusal(shapes: Float, triangles: Float, names: Int, settings: ElementSetti
         f"spurious mode{'s' if spurious > 1 else ''}; "
     )
     try:
-        works = next(_choose_space(shapes[chosen], triangles[chosen], names[chosen], free))[0].degree
+        works = next(_choose_space(shapes[chosen], names[chosen], free))[0].degree
     except InputError:
         return f"{problem}so does every other l up to {LARGEST_DEGREE}: leave the projection to the spectral test"
     return f"{problem}use l >= {works}, or leave l to the spectral test"

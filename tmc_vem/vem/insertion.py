@@ -129,7 +129,7 @@ def _structure(matrix: Any) -> tuple[Int, Int32] | None:
     """Row starts and columns of this rank's diagonal block, or None if it has no compressed rows with node pairs."""
     if matrix.getType() not in (PETSc.Mat.Type.SEQAIJ, PETSc.Mat.Type.MPIAIJ):
         return None
-    starts, columns, _ = _diagonal_block(matrix).getValuesCSR()
+    starts, columns = _diagonal_block(matrix).getRowIJ()
     lengths = np.diff(starts)
     if len(columns) >= 2**31 or (lengths[::2] != lengths[1::2]).any():
         return None

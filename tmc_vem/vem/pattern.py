@@ -15,31 +15,31 @@ from scipy import sparse
 
 from tmc_vem.vem.blocks import Block
 
-Int = NDArray[np.int64]
-
 
 def serial_matrix(blocks: Sequence[Block], dm: Any, n_nodes: int) -> Any:
     """Sequential AIJ matrix, zero, with an entry for every two degrees of freedom of a cell."""
     starts, columns = node_pattern(blocks, n_nodes)
     size = 2 * n_nodes
-    zeros = np.zeros((len(columns), 2, 2))
-    expanded = sparse.bsr_matrix((zeros, columns, starts), shape=(size, size)).tocsr()
+    # only the pattern is expanded, with one byte for a value; PETSc takes the arrays as they are
+    pairs = np.ones((len(columns), 2, 2), dtype=bool)
+    expanded = sparse.bsr_matrix((pairs, columns, starts), shape=(size, size)).tocsr()
     indptr, indices = (a.astype(PETSc.IntType, copy=False) for a in (expanded.indptr, expanded.indices))
-    csr = (indptr, indices, expanded.data)
-    matrix = PETSc.Mat().createAIJ((size, size), bsize=2, csr=csr, comm=PETSc.COMM_SELF)
+    csr = (indptr, indices, np.zeros(len(indices)))
+    matrix = PETSc.Mat().createAIJWithArrays((size, size), csr, comm=PETSc.COMM_SELF)
+    matrix.setBlockSize(2)
     lgmap = dm.getLGMap()
     matrix.setLGMap(lgmap, lgmap)
     matrix.setDM(dm)
     return matrix
 
 
-def node_pattern(blocks: Sequence[Block], n_nodes: int) -> tuple[Int, NDArray[np.int32]]:
+def node_pattern(blocks: Sequence[Block], n_nodes: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Compressed rows of the graph of nodes that share a cell: row starts (n_nodes + 1,) and sorted columns."""
     sizes = [np.full(block.batch.n_cells, block.batch.n_basis) for block in blocks]
     offsets = np.concatenate([[0], np.cumsum(np.concatenate(sizes))])
     nodes = np.concatenate([block.batch.nodes_ca.ravel() for block in blocks])
-    ones = np.ones(len(nodes), dtype=np.int32)
-    incidence = sparse.csr_matrix((ones, nodes, offsets), shape=(len(offsets) - 1, n_nodes))
-    graph = (incidence.T.tocsr() @ incidence).tocsr()
-    graph.sort_indices()
-    return graph.indptr.astype(np.int64), graph.indices
+    incidence = sparse.csr_matrix((np.ones(len(nodes), dtype=bool), nodes, offsets), shape=(len(offsets) - 1, n_nodes))
+    graph = incidence.T.tocsr() @ incidence
+    # symmetric: its columns are its rows, and transposing sorts in linear time
+    by_column = graph.tocsc()
+    return by_column.indptr, by_column.indices

@@ -132,12 +132,17 @@ def _contains_any(points: Float, remaining: list[int], ear: int, a: Float, b: Fl
     return bool(inside.any())
 
 
+def star_shaped(polygons_cvx: Float) -> NDArray[np.bool_]:
+    """(n_cells,) whether polygons are star-shaped about their centroid, and so fanned from it."""
+    return star_shaped_about(polygons_cvx, centroids(polygons_cvx))
+
+
 def sub_triangles(polygons_cvx: Float) -> list[tuple[Int, Float]]:
     """Sub-triangulations: pairs of cells (n,) and their triangles (n, n_triangles, 3, 2).
 
     Polygons that are star-shaped about their centroid are fanned from it; the others are triangulated by ear clipping.
     """
-    star = star_shaped_about(polygons_cvx, centroids(polygons_cvx))
+    star = star_shaped(polygons_cvx)
     groups = []
     if star.any():
         groups.append((np.flatnonzero(star), fan(polygons_cvx[star])))

@@ -17,7 +17,7 @@ from tmc_vem.vem import monomials
 from tmc_vem.vem.projector import edge_basis, moments_of_basis
 from tmc_vem.vem.quadrature import gauss, triangle
 from tmc_vem.vem.spaces import FullSpace, Gradients, Shapes
-from tmc_vem.vem.triangulation import barycentric_gradients, corner_numbers, equal_topologies, sides_of
+from tmc_vem.vem.triangulation import barycentric_gradients, equal_topologies, sides_of
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -56,7 +56,7 @@ class MacroSpace:
         smooth = FullSpace(self.order).gradients(shapes)
         n_pieces, n_m = shapes.triangles_ctpx.shape[1], monomials.dimension(self.order)
         first = np.empty((len(shapes), n_pieces, 2, n_m, shapes.n_basis))
-        for chosen, corners_tp in equal_topologies(corner_numbers(shapes.polygons_cvx, shapes.triangles_ctpx)):
+        for chosen, corners_tp in equal_topologies(shapes.polygons_cvx, shapes.triangles_ctpx):
             first[chosen] = projection(shapes.take(chosen), corners_tp)
         return Gradients(first, smooth.second_sxma)
 
@@ -78,7 +78,7 @@ def projection(shapes: Shapes, corners_tp: Int) -> Float:
 def _fields(shapes: Shapes, corners_tp: Int) -> Float:
     """Orthonormal coefficients (n_shapes, n_triangles * 2 * dim P_k, n_fields): the kernel of all constraints."""
     k, n_m = shapes.order, monomials.dimension(shapes.order)
-    vertices = _scaled_triangles(shapes)
+    vertices = shapes.scaled_triangles
     s, _ = gauss(k + 1)
     constraints = []
     for pair in sides_of(corners_tp).values():
@@ -104,7 +104,7 @@ def _fields(shapes: Shapes, corners_tp: Int) -> Float:
 def _functionals(shapes: Shapes, corners_tp: Int) -> Float:
     """``int p . grad v`` (n_shapes, n_triangles * 2 * dim P_k, n_basis) for every coefficient of p."""
     k, n_sides, n_m = shapes.order, shapes.geometry.n_sides, monomials.dimension(shapes.order)
-    vertices = _scaled_triangles(shapes)
+    vertices = shapes.scaled_triangles
     s, weights = gauss(k + 1)
     shape_qn = edge_basis(k, s)
     result = np.zeros((len(shapes), len(corners_tp), 2, n_m, shapes.n_basis))
@@ -136,17 +136,9 @@ def _mass(shapes: Shapes, n_triangles: int) -> Float:
     barycentric, weights = triangle(2 * shapes.order)
     m = monomials.values(shapes.order, shapes.scaled_points(barycentric))
     m = m.reshape(len(shapes), n_triangles, len(weights), -1)
-    _, area = barycentric_gradients(_scaled_triangles(shapes))
+    _, area = barycentric_gradients(shapes.scaled_triangles)
     mass: Float = np.einsum("ct,q,ctqm,ctqn->ctmn", area, weights, m, m, optimize=True)
     return mass
-
-
-def _scaled_triangles(shapes: Shapes) -> Float:
-    geometry = shapes.geometry
-    scaled: Float = (shapes.triangles_ctpx - geometry.centroid_cx[:, None, None]) / geometry.diameter_c[
-        :, None, None, None
-    ]
-    return scaled
 
 
 def _on_side(vertices_ctpx: Float, t: int, side: int, s: Float, k: int) -> tuple[Float, Float]:

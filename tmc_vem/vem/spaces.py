@@ -8,8 +8,8 @@ the projection on the smooth [P_k]^2. docs/projection.md derives and compares th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -78,11 +78,17 @@ class Shapes:
             self.polygons_cvx[chosen], self.triangles_ctpx[chosen], self.order, geometry, self.elliptic_cad[chosen]
         )
 
+    @cached_property
+    def scaled_triangles(self) -> Float:
+        """Sub-triangles in scaled coordinates."""
+        g = self.geometry
+        scaled: Float = (self.triangles_ctpx - g.centroid_cx[:, None, None]) / g.diameter_c[:, None, None, None]
+        return scaled
+
     def scaled_points(self, barycentric_qp: Float) -> Float:
         """Points (n_shapes, n_triangles * n_points, 2) in scaled coordinates, triangle after triangle."""
-        points = np.einsum("qp,ctpx->ctqx", barycentric_qp, self.triangles_ctpx).reshape(len(self), -1, 2)
-        scaled: Float = (points - self.geometry.centroid_cx[:, None]) / self.geometry.diameter_c[:, None, None]
-        return scaled
+        points: Float = (barycentric_qp @ self.scaled_triangles).reshape(len(self), -1, 2)
+        return points
 
 
 @dataclass(frozen=True)
@@ -105,19 +111,15 @@ class Gradients:
         both = np.stack([grad_x, grad_y], axis=1)
         return Gradients(both[:, None], both)
 
-    @staticmethod
-    def concatenate(parts: Sequence[Gradients]) -> Gradients:
-        """Those of several groups of shapes, one after the other."""
-        first = np.concatenate([g.first_stxma for g in parts])
-        if all(np.shares_memory(g.first_stxma, g.second_sxma) for g in parts):
-            return Gradients(first, first[:, 0])
-        return Gradients(first, np.concatenate([g.second_sxma for g in parts]))
+    @property
+    def shared(self) -> bool:
+        """Whether both come from the same polynomials, which are stored once."""
+        return np.shares_memory(self.first_stxma, self.second_sxma)
 
     def take(self, chosen: Int) -> Gradients:
         """Those of some of the shapes."""
         first = self.first_stxma[chosen]
-        shared = np.shares_memory(self.first_stxma, self.second_sxma)
-        return Gradients(first, first[:, 0] if shared else self.second_sxma[chosen])
+        return Gradients(first, first[:, 0] if self.shared else self.second_sxma[chosen])
 
     def rows(self, h_s: Float, xi_sqx: Float, piece_q: NDArray[np.integer[Any]], n_rows: int = N_ROWS) -> Float:
         """Derivatives (n_shapes, n_points, n_rows, n_basis) at points, in the order of ``N_ROWS``.
@@ -252,19 +254,3 @@ def _powers_of_z(degree: int) -> tuple[Float, Float]:
     for _ in range(degree):
         z = np.convolve(z, [1.0, 1.0j])
     return z.real, z.imag
-
-
-def fitted(values_stqxa: Float, xi_stqx: Float, degree: int) -> Float:
-    """Coefficients (n_shapes, n_pieces, 2, dim P_degree, n_basis) of the polynomials through values at as many points.
-
-    Args:
-        values_stqxa: values of both components at the points of every piece.
-        xi_stqx: the points in scaled coordinates.
-        degree: of the polynomials.
-    """
-    n_shapes, n_pieces, n_points, _ = xi_stqx.shape
-    m = monomials.values(degree, xi_stqx.reshape(n_shapes, -1, 2)).reshape(n_shapes, n_pieces, n_points, -1)
-    n_basis = values_stqxa.shape[-1]
-    flat = values_stqxa.reshape(n_shapes, n_pieces, n_points, 2 * n_basis)
-    coefficients = np.linalg.solve(m, flat).reshape(n_shapes, n_pieces, -1, 2, n_basis)
-    return np.ascontiguousarray(np.moveaxis(coefficients, 3, 2))

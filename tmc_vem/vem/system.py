@@ -17,14 +17,14 @@ from codegen.kernel import CellValues
 from tmc_vem.constraints import Prescribed
 from tmc_vem.errors import EvaluationError, InputError
 from tmc_vem.fields import Polygons
-from tmc_vem.memory import give_back
+from tmc_vem.memory import give_back, reuse_freed
 from tmc_vem.mesh.distribute import DistributedMesh
 from tmc_vem.mesh.geometry import centroids
 from tmc_vem.parallel import on_every_rank
 from tmc_vem.solve.protocol import Evaluation, RegionValues
 from tmc_vem.vem.blocks import CHUNK, RegionKernel, make_blocks
 from tmc_vem.vem.dofmap import DofMap
-from tmc_vem.vem.element import ElementSettings, build_elements
+from tmc_vem.vem.element import ElementSettings, element_groups
 from tmc_vem.vem.insertion import MatrixInsertion
 from tmc_vem.vem.pattern import serial_matrix
 from tmc_vem.vem.quadrature import gauss_lobatto
@@ -67,8 +67,9 @@ class VemSystem:
         self._work = self.dofmap.dm.createLocalVec()
         self._named_nodes = functools.cache(self._nodes_of)
         self._constrained_local, self._constraint_values = self._locate(prescribed)
-        groups = on_every_rank(self.comm, lambda: build_elements(distributed.mesh, self.settings, distributed.cell_ids))
-        self.blocks = make_blocks(distributed, self.dofmap, groups, kernels)
+        reuse_freed()
+        groups = element_groups(distributed.mesh, self.settings, distributed.cell_ids)
+        self.blocks = on_every_rank(self.comm, lambda: make_blocks(distributed, self.dofmap, groups, kernels))
         self.size = self._extent()
         self._load_nodes: Float | None = None
         self._kernel_seconds = 0.0

@@ -6,7 +6,6 @@ from them for eight cells at a time.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,26 +47,13 @@ class Tables:
     def nbytes(self) -> int:
         """Memory of the arrays."""
         first, second = self.gradients.first_stxma, self.gradients.second_sxma
-        both = first.nbytes + (0 if np.shares_memory(first, second) else second.nbytes)
+        both = first.nbytes + (0 if self.gradients.shared else second.nbytes)
         return both + self.w_sq.nbytes + self.xi_sqx.nbytes + self.h_s.nbytes
 
     def take(self, chosen: Int) -> Tables:
         """Those of some of the shapes."""
         return Tables(
             self.gradients.take(chosen), self.w_sq[chosen], self.xi_sqx[chosen], self.h_s[chosen], self.piece_q
-        )
-
-    @staticmethod
-    def concatenate(parts: Sequence[Tables]) -> Tables:
-        """Shapes of several tables, one after the other."""
-        if len(parts) == 1:
-            return parts[0]
-        return Tables(
-            Gradients.concatenate([t.gradients for t in parts]),
-            np.concatenate([t.w_sq for t in parts]),
-            np.concatenate([t.xi_sqx for t in parts]),
-            np.concatenate([t.h_s for t in parts]),
-            parts[0].piece_q,
         )
 
     def rows(self, n_rows: int = N_ROWS) -> Float:

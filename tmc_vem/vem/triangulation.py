@@ -12,29 +12,26 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.vem import monomials
 from tmc_vem.vem.projector import edge_basis
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
 
-def corner_numbers(polygons_cvx: Float, triangles_ctpx: Float) -> Int:
-    """Vertex (n_cells, n_triangles, 3) of every corner of the sub-triangles; n_sides stands for the hub of a fan."""
-    n_sides = polygons_cvx.shape[1]
+def equal_topologies(polygons_cvx: Float, triangles_ctpx: Float) -> list[tuple[Int, Int]]:
+    """Pairs of cells (n,) and the vertices (n_triangles, 3) at the corners of their sub-triangles, the same in all.
+
+    n_sides stands for the hub of a fan.
+    """
+    n_cells, n_sides = polygons_cvx.shape[:2]
+    if triangles_ctpx.shape[1] == n_sides:  # clipped ears are two less
+        first = np.arange(n_sides)
+        return [(np.arange(n_cells), np.stack([np.full(n_sides, n_sides), first, (first + 1) % n_sides], axis=1))]
     distance = np.abs(triangles_ctpx[:, :, :, None] - polygons_cvx[:, None, None]).max(axis=-1)
-    number: Int = distance.argmin(axis=-1)
-    extent = np.ptp(polygons_cvx, axis=1).max(axis=-1)
-    number[distance.min(axis=-1) > 1e-12 * extent[:, None, None]] = n_sides
-    return number
-
-
-def equal_topologies(corners_ctp: Int) -> list[tuple[Int, Int]]:
-    """Pairs of cells (n,) and the corners (n_triangles, 3) that all of them have."""
-    flat = corners_ctp.reshape(len(corners_ctp), -1)
+    flat = distance.argmin(axis=-1).reshape(n_cells, -1)
     kinds, kind_of = np.unique(flat, axis=0, return_inverse=True)
-    return [
-        (np.flatnonzero(kind_of.reshape(-1) == n), kind.reshape(corners_ctp.shape[1:])) for n, kind in enumerate(kinds)
-    ]
+    return [(np.flatnonzero(kind_of.reshape(-1) == n), kind.reshape(-1, 3)) for n, kind in enumerate(kinds)]
 
 
 def sides_of(corners_tp: Int) -> dict[tuple[int, int], list[tuple[int, int]]]:
@@ -135,3 +132,30 @@ def barycentric_gradients(triangles_ctpx: Float) -> tuple[Float, Float]:
     second = np.stack([edge2[..., 1], -edge2[..., 0]], axis=-1) / twice[..., None]
     third = np.stack([-edge1[..., 1], edge1[..., 0]], axis=-1) / twice[..., None]
     return np.stack([-second - third, second, third], axis=2), 0.5 * twice
+
+
+def affine_powers(degree: int, linear_ypt: Float) -> Float:
+    """``s^a t^b`` of affine functions s and t of the scaled coordinates as polynomials of these.
+
+    Args:
+        degree: largest a + b.
+        linear_ypt: (3, 2, n) constant and coefficients of xi and eta of s and t.
+
+    Returns:
+        (dim P_degree, dim P_degree, n): the monomial in s and t, the one in xi and eta.
+    """
+    n_m = monomials.dimension(degree)
+    result = np.zeros((n_m, n_m, linear_ypt.shape[2]))
+    result[0, 0] = 1.0
+    for j, (a, b) in enumerate(monomials.exponents(degree).tolist()):
+        if a + b == 0:
+            continue
+        by_s = a > 0  # else by t
+        constant, xi, eta = linear_ypt[:, 0 if by_s else 1]
+        lower = result[monomials.position(a - by_s, b - (not by_s))]
+        n_lower = monomials.dimension(a + b - 1)
+        result[j, :n_lower] = constant * lower[:n_lower]
+        for m, (c, d) in enumerate(monomials.exponents(a + b - 1).tolist()):
+            result[j, monomials.position(c + 1, d)] += xi * lower[m]
+            result[j, monomials.position(c, d + 1)] += eta * lower[m]
+    return result
