@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 PAGES = (
     "README.md",
     "docs/guide/tutorial.md",
-    *(f"docs/howto/{name}.md" for name in ("hanging-nodes", "paraview", "restart", "solver-options")),
+    *(f"docs/howto/{name}.md" for name in ("hanging-nodes", "paraview", "probes", "restart", "solver-options")),
 )
 BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
@@ -34,14 +34,17 @@ def test_blocks_run(page: str, tmp_path: Path) -> None:
 
 
 def test_examples_of_problem_files_are_read(tmp_path: Path) -> None:
-    """The [solve] table of the schema page is one."""
+    """The [solve] and [probes] tables of the schema page."""
+    import tomllib
+
+    from tmc_vem.problems.tables import ProbeTable
     from tmc_vem.simulation import RunOptions
     from tmc_vem.validation import build
 
     page = (ROOT / "docs/guide/problem-files.md").read_text()
-    (table,) = (
-        text for text in re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL) if "[solve]" in text
-    )
-    import tomllib
-
-    assert build(RunOptions, tomllib.loads(table)["solve"], "solve").snapshots == 20
+    blocks = re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    (solve,) = (tomllib.loads(text)["solve"] for text in blocks if "[solve]" in text)
+    (probes,) = (tomllib.loads(text)["probes"] for text in blocks if "[probes]" in text)
+    assert build(RunOptions, solve, "solve").snapshots == 20
+    kinds = [type(build(ProbeTable, probe, name).probe()).__name__ for name, probe in probes.items()]
+    assert kinds == ["Displacement", "Position", "Gap", "Reaction", "MeanJ"]

@@ -192,7 +192,7 @@ def _pictures(study: Study) -> list[Picture]:
                 meshes[method].append((level.name, level.problems[method].make_mesh()))
     shown = next(problem for level in reversed(study.levels) for problem in level.problems.values())
     finest = next(made[-1][1] for made in meshes.values() if made)
-    figure = draw_problem(finest, shown.prescribed(), shown.load(), shown.gap())
+    figure = draw_problem(finest, shown.prescribed(), shown.load(), shown.probes())
     pictures = [picture(figure, "problem", f"Problem '{shown.name}' with its supports, load and gap.")]
     same = all(len(set(map(id, level.problems.values()))) == 1 for level in study.levels)
     for method, made in list(meshes.items())[: 1 if same else None]:

@@ -1,8 +1,10 @@
-"""Prescribed displacements and probes of a problem: plain data shared by both discretisations."""
+"""Prescribed displacements of a problem: plain data shared by both discretisations."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+COMPONENTS = {"ux": 0, "uy": 1}
 
 
 @dataclass(frozen=True)
@@ -18,11 +20,3 @@ class Prescribed:
     where: str
     component: int
     value: float = 0.0
-
-
-@dataclass(frozen=True)
-class Gap:
-    """Distance of two named points in the deformed state."""
-
-    first: str
-    second: str

@@ -11,13 +11,11 @@ from tmc_vem.errors import InputError
 from tmc_vem.fields import Fields
 from tmc_vem.report.snapshots import nearest, read_fields, snapshots
 from tmc_vem.results import RunResult
-
-# what the fields are measured in, in terms of the units that the user chose
-UNITS = {"displacement": "length", "J": "1", "min_J": "1", "energy_density": "force / length^2", "region": "1"}
+from tmc_vem.units import Units
 
 
 def to_pandas(result: RunResult) -> Any:
-    """Load steps as a data frame, a row a step, with the columns of history.csv.
+    """Load steps as a data frame, a row a step, with the columns of history.csv; ``frame.attrs["units"]`` has units.
 
     Raises:
         InputError: pandas is not installed.
@@ -26,7 +24,7 @@ def to_pandas(result: RunResult) -> Any:
     frame = pandas.DataFrame([record.as_row() for record in result.history])
     if len(frame):
         frame = frame.set_index("step")
-        frame["gap"] = pandas.to_numeric(frame["gap"])
+    frame.attrs["units"] = dict(result.units)
     return frame
 
 
@@ -69,8 +67,12 @@ def to_pyvista(result: RunResult, load: float = 1.0) -> Any:
     for name, values in _cell_data(fields).items():
         mesh.cell_data[name] = values
     mesh.field_data["region_names"] = list(polygons.region_names)
-    mesh.field_data["units"] = [f"{name}: {unit}" for name, unit in UNITS.items()]
+    mesh.field_data["units"] = [f"{name}: {unit}" for name, unit in _units(result).of_fields().items()]
     return mesh
+
+
+def _units(result: RunResult) -> Units:
+    return Units(**result.inputs.get("units", {}))
 
 
 def fields_at(result: RunResult, load: float) -> Fields:

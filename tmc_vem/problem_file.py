@@ -10,7 +10,7 @@ from tmc_vem.errors import InputError
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.problems.tables import ProblemTable
 from tmc_vem.simulation import RunOptions
-from tmc_vem.validation import build
+from tmc_vem.validation import build, shown
 
 
 def read_problem(path: str | Path) -> tuple[OwnProblem, RunOptions]:
@@ -29,7 +29,12 @@ def read_problem(path: str | Path) -> tuple[OwnProblem, RunOptions]:
     try:
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"{path} is not TOML: {str(error) or 'nested too deeply'}") from None
+        reason = str(error) or "nested too deeply"
+        twice = re.match(r"Cannot overwrite a value \(at line (\d+)", reason)
+        if twice:
+            key = text.splitlines()[int(twice[1]) - 1].partition("=")[0].strip()
+            raise InputError(f"{path}: {shown(key)} stands twice in its table (line {twice[1]})") from None
+        raise InputError(f"{path} is not TOML: {reason}") from None
     try:
         problem = OwnProblem(build(ProblemTable, data, path.name), path.parent)
         return problem, build(RunOptions, problem.table.solve, f"{path.name}: solve")

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from tmc_vem.balance import balance
 from tmc_vem.checkpoint import Checkpoint
-from tmc_vem.constraints import Gap
 from tmc_vem.errors import TmcError
+from tmc_vem.gauge import Gauge
 from tmc_vem.monitor import Monitor
 from tmc_vem.output import SnapshotWriter, gather_fields
 from tmc_vem.parallel import on_every_rank, on_root
@@ -37,6 +37,7 @@ class Recorder:
     Args:
         problem: what is solved.
         system: its discretisation.
+        gauge: the problem's probes on it.
         inputs: parameters of problem and method, for result.json and to recognise a checkpoint.
         directory: where to write, or None.
         times: coordinates along the load path at which fields are written; the last state always is, if there are any.
@@ -46,21 +47,17 @@ class Recorder:
     """
 
     def __init__(
-        self, problem: Problem, system: Any, inputs: Mapping[str, Any], directory: RunDirectory | None,
-        times: Sequence[float], checkpoint_every: int, monitor: Monitor, timer: Timer,
+        self, problem: Problem, system: Any, gauge: Gauge, inputs: Mapping[str, Any],
+        directory: RunDirectory | None, times: Sequence[float], checkpoint_every: int, monitor: Monitor, timer: Timer,
     ) -> None:  # fmt: skip
         self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
-        self.monitor, self.timer = monitor, timer
+        self.gauge, self.monitor, self.timer = gauge, monitor, timer
         self.history: list[StepRecord] = []
         self.warnings: list[str] = []
         self._order = int(inputs["order"])
         self._every = checkpoint_every if directory is not None else 0
         self._on_root = system.comm.rank == 0
         self._seconds_before = 0.0
-        self._gap: Gap | None = problem.gap()
-        self._gap_points: Float | None = None
-        if self._gap is not None:
-            self._gap_points = system.point_coordinates((self._gap.first, self._gap.second))
         self._snapshots: SnapshotWriter | None = None
         if directory is not None and times:
             self._snapshots = SnapshotWriter(system, directory.path, tuple(times))
@@ -75,7 +72,7 @@ class Recorder:
                 step=step.number,
                 load=step.load,
                 displacement=step.load * load.value,
-                gap=self._distance(u),
+                probes=self.gauge.read(u, residual),
                 reaction=self.system.reaction(residual, load.where, load.component),
                 iterations=len(step.newton.iterations),
                 cut_backs=step.cut_backs,
@@ -95,7 +92,11 @@ class Recorder:
                     same = self.history[0].as_row().keys() == record.as_row().keys()
                     on_root(
                         self.system.comm,
-                        lambda: directory.add_step(record) if same else directory.rewrite_history(self.history),
+                        lambda: (
+                            directory.add_step(record, self._headings(record))
+                            if same
+                            else directory.rewrite_history(self.history, self._headings(record))
+                        ),
                     )
                     if self._snapshots is not None:
                         self._snapshots.offer(step.number, step.time, u)
@@ -117,10 +118,11 @@ class Recorder:
         for control, state_ni in zip(facts["controls"], checkpoint.values_at(self.system.node_labels()), strict=True):
             u.getArray()[:] = state_ni.ravel()
             states.append(np.array(control), u)
-        self.history = [StepRecord(**entry) for entry in facts["history"]]
+        self.history = [StepRecord.from_plain(entry) for entry in facts["history"]]
         self._seconds_before = self.history[-1].seconds if self.history else 0.0
         if self._on_root:
-            self.directory.rewrite_history(self.history)
+            units = self._headings(self.history[-1]) if self.history else {}
+            self.directory.rewrite_history(self.history, units)
         if self._snapshots is not None:
             self._snapshots.restore(facts["snapshots"])
         position = dict(facts["position"])
@@ -181,6 +183,7 @@ class Recorder:
             seconds=self.timer.report(),
             history=history,
             directory=None if self.directory is None else self.directory.path,
+            units=self._units(history[-1]) if history else {},
         )
         if self.directory is not None:
             directory = self.directory
@@ -218,11 +221,14 @@ class Recorder:
         parts = comm.gather((part, checksum))
         on_root(comm, lambda: mine.write(path, {key: value for key, value in parts if key}))
 
-    def _distance(self, u: Any) -> float | None:
-        if self._gap is None:
-            return None
-        first, second = self._gap_points + self.system.point_displacements(u, (self._gap.first, self._gap.second))
-        return float(np.hypot(*(first - second)))
+    def _units(self, record: StepRecord) -> dict[str, str]:
+        """Units of the columns of the history."""
+        kinds = {name: probe.kind for name, probe in self.gauge.probes.items()}
+        return self.problem.units().of_columns(record.as_row(), kinds)
+
+    def _headings(self, record: StepRecord) -> dict[str, str]:
+        """Units that stand in the headings of history.csv: those that the problem declares."""
+        return self._units(record) if self.problem.units().declared else {}
 
     def _title(self) -> str:
         if not self.history:

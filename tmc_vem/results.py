@@ -20,12 +20,15 @@ from typing import Any
 from tmc_vem.errors import InputError
 from tmc_vem.files import remove_unfinished, write_atomically
 from tmc_vem.lock import LOCK
+from tmc_vem.probes import GAP, RESERVED, RESERVED_STARTS
 
 # Schema of run directories that is written, and the oldest that is read. A new entry with a default in ``read`` or
 # ``from_row`` leaves both alone; a changed meaning raises both.
 SCHEMA, OLDEST = 1, 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
 COMMAND = "command.json"
+# groups of values in a record, and what their columns begin with
+_GROUPS = {"min_j": "min_j_", "energy": "energy_", "parameters": "parameter_"}
 _OWN = (RESULT, HISTORY, FIELDS, COLLECTION, PICTURE, COMMAND, "checkpoint.npz", "checkpoint-before.npz")
 
 
@@ -37,7 +40,7 @@ class StepRecord:
         step: 1 for the first.
         load: load factor, 1 at full load.
         displacement: prescribed displacement of the loaded point or edge.
-        gap: distance of the problem's two gap points, or None.
+        probes: values of the problem's probes by name.
         reaction: force at the loaded point or edge, in the direction of the displacement component.
         iterations: Newton iterations; ``cut_backs`` failed attempts before it, with ``wasted_iterations``.
         min_j, energy: smallest J and energy by region.
@@ -51,7 +54,7 @@ class StepRecord:
     step: int
     load: float
     displacement: float
-    gap: float | None
+    probes: Mapping[str, float]
     reaction: float
     iterations: int
     cut_backs: int
@@ -69,42 +72,60 @@ class StepRecord:
         """Where the step is on the load path: what increases from step to step, also when the load does not."""
         return self.load if self.time is None else self.time
 
+    @property
+    def gap(self) -> float | None:
+        """The probe that reports go by, or None."""
+        return self.probes.get(GAP)
+
     def as_row(self) -> dict[str, Any]:
-        """Flat form for history.csv: ``min_j_<region>``, ``energy_<region>``, ``parameter_<name>`` are columns.
+        """Flat form for history.csv, groups as ``min_j_<region>``, ``energy_<region>`` and ``parameter_<name>``.
 
         The regions keep their order, by which the fields of a run directory are given their names.
         """
-        flat = asdict(self)
-        for name, column in (("min_j", "min_j"), ("energy", "energy"), ("parameters", "parameter")):
-            for key, value in flat.pop(name).items():
-                flat[f"{column}_{key}"] = value
+        flat: dict[str, Any] = {}
+        for name, value in asdict(self).items():
+            if name not in _GROUPS:
+                flat |= value if name == "probes" else {name: value}
+        for name, prefix in _GROUPS.items():
+            flat |= {prefix + key: value for key, value in getattr(self, name).items()}
         return {key: "" if value is None else value for key, value in flat.items()}
 
     @staticmethod
     def from_row(row: Mapping[str, str]) -> StepRecord:
-        """Record of a row of history.csv."""
+        """Record of a row of history.csv; what is no other column is a probe."""
 
-        def regions(prefix: str) -> dict[str, float]:
-            named = {key[len(prefix) :]: value for key, value in row.items() if key.startswith(prefix)}
+        def values(named: Mapping[str, str]) -> dict[str, float]:
             return {name: float(value) for name, value in named.items() if value}
+
+        def group(name: str) -> dict[str, float]:
+            prefix = _GROUPS[name]
+            return values({key[len(prefix) :]: value for key, value in row.items() if key.startswith(prefix)})
+
+        probes = {key: row[key] for key in row if key not in RESERVED and not key.startswith(RESERVED_STARTS)}
 
         return StepRecord(
             step=int(row["step"]),
             load=float(row["load"]),
             displacement=float(row["displacement"]),
-            gap=float(row["gap"]) if row["gap"] else None,
+            probes=values(probes),
             reaction=float(row["reaction"]),
             iterations=int(row["iterations"]),
             cut_backs=int(row["cut_backs"]),
             wasted_iterations=int(row["wasted_iterations"]),
-            min_j=regions("min_j_"),
-            energy=regions("energy_"),
+            min_j=group("min_j"),
+            energy=group("energy"),
             negative_pivots=int(row["negative_pivots"]) if row["negative_pivots"] else None,
             jumped=row["jumped"] == "True",
             seconds=float(row["seconds"]),
             time=float(row["time"]) if row.get("time") else None,
-            parameters=regions("parameter_"),
+            parameters=group("parameters"),
         )
+
+    @staticmethod
+    def from_plain(entry: Mapping[str, Any]) -> StepRecord:
+        """Record of the plain values of a checkpoint; the first versions knew one probe, the gap."""
+        gap = {} if entry.get(GAP) is None else {GAP: entry[GAP]}
+        return StepRecord(**{"probes": gap, **{key: value for key, value in entry.items() if key != GAP}})
 
 
 @dataclass(frozen=True)
@@ -121,6 +142,7 @@ class RunResult:
         projection_degrees: number of cells by degree l (VEM only).
         checks: interpenetration, gap along contact, imbalance of the reactions and the regulariser's part of the
             medium's energy at the last converged step, see :class:`tmc_vem.report.contact.ContactReport`.
+        units: of the columns of the history that have one; in terms of length and force if the problem declares none.
         warnings: what is doubtful about the result, in sentences; see :mod:`tmc_vem.plausibility`.
         parallel: ranks, linear solver, imbalance and peak memory, see :func:`tmc_vem.balance.balance`.
         seconds: wall time by phase.
@@ -144,6 +166,7 @@ class RunResult:
     checks: Mapping[str, Any] = field(default_factory=dict)
     parallel: Mapping[str, Any] = field(default_factory=dict)
     warnings: Sequence[str] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def last(self) -> StepRecord | None:
@@ -156,6 +179,11 @@ class RunResult:
         return self.last.gap if self.last else None
 
     @property
+    def probes(self) -> Mapping[str, float]:
+        """Probes at the last converged step, the gap included."""
+        return self.last.probes if self.last else {}
+
+    @property
     def reaction(self) -> float | None:
         """Reaction at the last converged step."""
         return self.last.reaction if self.last else None
@@ -164,6 +192,11 @@ class RunResult:
     def min_j(self) -> Mapping[str, float]:
         """Smallest J by region at the last converged step."""
         return self.last.min_j if self.last else {}
+
+    def unit(self, column: str) -> str:
+        """Unit of a column of the history that the problem has declared; empty for a plain number, and without one."""
+        unit = self.units.get(column, "1") if "units" in self.inputs else "1"
+        return "" if unit == "1" else unit
 
     @property
     def steps(self) -> int:
@@ -199,8 +232,10 @@ class RunResult:
             "displacement": last.displacement if last else 0.0,
             "gap": self.gap,
             "reaction": self.reaction,
+            "probes": dict(self.probes),
             "min_j": dict(self.min_j),
             "energy": dict(last.energy) if last else {},
+            "units": dict(self.units),
             "n_cells": self.n_cells,
             "n_dofs": self.n_dofs,
             "steps": self.steps,
@@ -231,11 +266,13 @@ class RunResult:
         try:
             data = json.loads((path / RESULT).read_text())
             _check_schema(path, data)
+            plain = {heading(name, unit): name for name, unit in data.get("units", {}).items()}
             with (path / HISTORY).open(newline="") as file:
-                history = [StepRecord.from_row(row) for row in csv.DictReader(file)]
+                rows = [{plain.get(key, key): value for key, value in row.items()} for row in csv.DictReader(file)]
+            history = [StepRecord.from_row(row) for row in rows]
             names = ("inputs", "versions", "complete", "reason", "load", "n_cells", "n_dofs", "newton_iterations",
                      "cut_backs", "projection_degrees", "seconds")  # fmt: skip
-            optional = ("checks", "parallel", "warnings")  # not in the first runs
+            optional = ("checks", "parallel", "warnings", "units")  # not in the first runs
             later = {name: data[name] for name in optional if name in data}
             return RunResult(**{name: data[name] for name in names}, history=history, directory=path, **later)
         except OSError as error:
@@ -244,6 +281,11 @@ class RunResult:
             raise InputError(f"{path} is not a readable run directory: {error} is missing; run it again") from None
         except (ValueError, TypeError) as error:
             raise InputError(f"{path} is not a readable run directory: {error}") from None
+
+
+def heading(name: str, unit: str) -> str:
+    """Of a column of history.csv whose unit the problem declares: ``reaction [N/mm]``."""
+    return name if unit in ("", "1") else f"{name} [{unit}]"
 
 
 def _check_schema(path: Path, data: Any) -> None:
@@ -313,9 +355,14 @@ class RunDirectory:
         if command is not None:
             write_atomically(self.path / COMMAND, json.dumps(command, indent=2) + "\n")
 
-    def add_step(self, record: StepRecord) -> None:
-        """Append a row to history.csv."""
-        row = record.as_row()
+    def add_step(self, record: StepRecord, units: Mapping[str, str] | None = None) -> None:
+        """Append a row to history.csv.
+
+        Args:
+            record: the step.
+            units: of columns, for their headings.
+        """
+        row = _headed(record, units)
         path = self.path / HISTORY
         new = not path.exists()
         with path.open("a", newline="") as file:
@@ -324,10 +371,10 @@ class RunDirectory:
                 writer.writeheader()
             writer.writerow(row)
 
-    def rewrite_history(self, records: Sequence[StepRecord]) -> None:
+    def rewrite_history(self, records: Sequence[StepRecord], units: Mapping[str, str] | None = None) -> None:
         """Write history.csv anew, without the steps after a checkpoint, and remove what was left half written."""
         remove_unfinished(self.path)
-        rows = [record.as_row() for record in records]
+        rows = [_headed(record, units) for record in records]
         text = io.StringIO()
         columns = dict.fromkeys(name for row in rows for name in row)  # parameters may have come in later
         writer = csv.DictWriter(text, fieldnames=list(columns) or ["step"], restval="")
@@ -338,6 +385,10 @@ class RunDirectory:
     def write_result(self, result: RunResult) -> None:
         """Write result.json."""
         write_atomically(self.path / RESULT, result.to_json())
+
+
+def _headed(record: StepRecord, units: Mapping[str, str] | None) -> dict[str, Any]:
+    return {heading(name, (units or {}).get(name, "")): value for name, value in record.as_row().items()}
 
 
 def _finite(value: Any) -> Any:

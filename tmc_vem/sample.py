@@ -1,7 +1,7 @@
-"""Virtual element solutions at any point, from there onto dolfinx functions, and these at any point.
+"""Solutions at any point, from there onto dolfinx functions, and these at any point.
 
 Inside a cell a virtual element function is not known; what is evaluated is its L2 projection on polynomials of the
-order k, which is as accurate.
+order k, which is as accurate. On the sides of cells it is known.
 """
 
 from __future__ import annotations
@@ -13,13 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
+from tmc_vem.places import Places
 from tmc_vem.problems.base import Problem
 from tmc_vem.simulation import RunOptions, discretise
 
 Float = NDArray[np.float64]
-
-# Points outside of all cells are taken to the nearest one up to this fraction of the mesh's extent.
-OUTSIDE = 1e-6
 
 
 def last_state(problem: Problem, directory: str | Path, options: RunOptions | None = None) -> tuple[Any, Any]:
@@ -44,55 +42,27 @@ def last_state(problem: Problem, directory: str | Path, options: RunOptions | No
 
 
 def displacement_at(system: Any, u: Any, points_nx: Float) -> Float:
-    """Displacements (n, 2) of a virtual element state at points (n, 2) of the reference configuration.
+    """Displacements (n, 2) of a state at points (n, 2) of the reference configuration, equal on all ranks.
 
     Args:
-        system: a ``VemSystem`` on one rank.
+        system: the discretisation.
         u: vector of its degrees of freedom.
-        points_nx: where.
+        points_nx: where; the same on all ranks.
 
     Raises:
-        InputError: there are several ranks, or a point lies outside of the mesh.
+        InputError: a point lies outside of the mesh.
     """
-    import shapely
-
-    from tmc_vem.vem.tables import points_and_values
-
-    if system.comm.size > 1:
-        raise InputError(f"{system.comm.size} ranks: points are sampled on one; resume the run's state on one rank")
-    points = np.asarray(points_nx, dtype=float).reshape(-1, 2)
-    mesh = system.distributed.mesh
-    cells = np.array([shapely.Polygon(mesh.points_vx[loop]) for loop in mesh.cells()])
-    at = shapely.points(points)
-    (which, found), distance = shapely.STRtree(cells).query_nearest(at, return_distance=True, all_matches=False)
-    cell_n, away = np.empty(len(points), dtype=np.int64), np.empty(len(points))
-    cell_n[which], away[which] = found, distance
-    far = np.flatnonzero(away > OUTSIDE * system.size)
-    if len(far):
-        x, y = points[far[0]]
-        raise InputError(f"point ({x:g}, {y:g}) lies {away[far[0]]:.3g} outside of the mesh")
-    values = system.nodal_values(u)
-    result = np.empty((len(points), 2))
-    for block in system.blocks:
-        position = np.full(mesh.n_cells, -1)
-        position[block.cells] = np.arange(len(block.cells))
-        chosen = np.flatnonzero(position[cell_n] >= 0)
-        if not len(chosen):
-            continue
-        local = position[cell_n[chosen]]
-        polygons = block.polygons(mesh)[local]
-        xi = _scaled(polygons, points[chosen])
-        _, basis = points_and_values(polygons, system.settings.order, xi[:, None])
-        result[chosen] = np.einsum("na,nai->ni", basis[:, 0], values[block.batch.nodes_ca[local]])
-    return result
+    return Places(system, points_nx).displacements(u)
 
 
 def onto_function(system: Any, u: Any, function: Any) -> None:
     """Set a dolfinx function of a vector-valued Lagrange space to a virtual element state, by its values at the nodes.
 
     Raises:
-        InputError: as for :func:`displacement_at`; the function's mesh must lie within that of the state.
+        InputError: there are several ranks, or the function's mesh does not lie within that of the state.
     """
+    if system.comm.size > 1:
+        raise InputError(f"{system.comm.size} ranks: a state goes onto a function on one; resume it on one rank")
     nodes = function.function_space.tabulate_dof_coordinates()[:, :2]
     function.x.array[:] = displacement_at(system, u, nodes).ravel()
 
@@ -112,10 +82,3 @@ def function_at(function: Any, points_nx: Float) -> Float:
         x, y = points[missing[0]]
         raise InputError(f"point ({x:g}, {y:g}) lies in no cell of the function's mesh")
     return values
-
-
-def _scaled(polygons_cvx: Float, points_cx: Float) -> Float:
-    from tmc_vem.mesh.geometry import centroids, diameters
-
-    scaled: Float = (points_cx - centroids(polygons_cvx)) / diameters(polygons_cvx)[:, None]
-    return scaled

@@ -122,6 +122,7 @@ def run(
     """
     from mpi4py import MPI
 
+    from tmc_vem.gauge import Gauge
     from tmc_vem.interrupt import stop_requests
     from tmc_vem.lock import DirectoryLock
     from tmc_vem.recorder import Recorder
@@ -150,6 +151,7 @@ def run(
         if out is not None:
             directory = comm.bcast(on_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume)))
         system = discretise(problem, options, comm)
+        gauge = Gauge(problem, system)
         solver = NewtonSolver(system, timer=timer, solver=options.solver)
     if directory is not None:
         directory.path.mkdir(parents=True, exist_ok=True)
@@ -160,7 +162,7 @@ def run(
                 directory.start(command)
             comm.barrier()
             recorder = Recorder(
-                problem, system, run_inputs(problem, options), directory, _snapshot_times(path, options),
+                problem, system, gauge, run_inputs(problem, options), directory, _snapshot_times(path, options),
                 options.checkpoint_every, monitor, timer,
             )  # fmt: skip
             if directory is not None and lock is not None and not lock.held:
@@ -273,7 +275,8 @@ def compile_region(region: RegionEnergy) -> tuple[Any, Any]:
 
 def run_inputs(problem: Problem, options: RunOptions) -> dict[str, Any]:
     """The inputs as a run directory records them; two runs with equal ones give equal results."""
-    return {**problem.inputs(), **_method_inputs(options)}
+    units = problem.units()
+    return {**problem.inputs(), **({"units": asdict(units)} if units.declared else {}), **_method_inputs(options)}
 
 
 def _method_inputs(options: RunOptions) -> Mapping[str, Any]:

@@ -78,3 +78,19 @@ def test_inadmissible_states_name_the_cell() -> None:
     assert "of region 'all'" in evaluation.worst
     worst = int(evaluation.worst.split(" in cell ")[1].split()[0])
     assert worst in {2, 5, 8}  # the right column
+
+
+@pytest.mark.parametrize(("order", "triangles"), [(2, False), (3, False), (2, True), (3, True)])
+def test_polynomials_are_exact_at_any_point(order: int, triangles: bool) -> None:
+    """Distorted quadrilaterals, whose maps are not affine, and triangles; vertices, sides, and points inside."""
+    from tmc_vem.places import Places
+
+    mesh = grid(5, 4, distort=0.2)
+    system = make_system(mesh, SOLID, order=order, triangles=triangles)
+
+    def field(x: Float) -> Float:
+        return np.column_stack([1 + x[:, 0] - 2 * x[:, 0] * x[:, 1], x[:, 1] ** 2 - 3 * x[:, 0]])
+
+    points = np.concatenate([np.random.default_rng(3).uniform(0.0, 1.0, (100, 2)), mesh.points_vx])
+    found = Places(system, points).displacements(system.interpolate(field))
+    assert found == pytest.approx(field(points), abs=1e-10)

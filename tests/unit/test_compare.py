@@ -201,7 +201,7 @@ def test_a_mesh_that_cannot_be_made_costs_that_run_only(tmp_path: Path) -> None:
 
 
 def method(name: str, gap: float, uncertainty: float, energy: float, penalty: str) -> Method:
-    record = StepRecord(1, 1.0, -1.0, gap, -1.0, 3, 0, 0, {"medium": 0.1}, {"medium": energy}, 0, False, 1.0)
+    record = StepRecord(1, 1.0, -1.0, {"gap": gap}, -1.0, 3, 0, 0, {"medium": 0.1}, {"medium": energy}, 0, False, 1.0)
     inputs = {"method": name.lower(), "interior_penalty": penalty}
     run = RunResult(inputs, {}, True, "", 1.0, 4, 9, 3, 0, {}, {"total": 1.0}, [record])
     return Method(name, {"coarse": run}, {"gap": Extrapolation(gap, None, uncertainty)})
@@ -235,7 +235,7 @@ def test_the_papers_tables() -> None:
 
 
 def result(gap: float, load: float = 1.0) -> RunResult:
-    record = StepRecord(1, load, -load, gap, -1.0, 3, 0, 0, {"solid": 0.9}, {"solid": 1.0}, 0, False, 1.0)
+    record = StepRecord(1, load, -load, {"gap": gap}, -1.0, 3, 0, 0, {"solid": 0.9}, {"solid": 1.0}, 0, False, 1.0)
     return RunResult({}, {}, load == 1.0, "", load, 4, 9, 3, 0, {}, {"total": 1.0}, [record])
 
 

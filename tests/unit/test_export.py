@@ -24,6 +24,7 @@ def test_history_as_a_data_frame(result: RunResult) -> None:
     frame = result.to_pandas()
     assert frame.index.tolist() == [1, 2]
     assert frame["gap"].iloc[-1] == result.gap
+    assert frame.attrs["units"]["gap"] == "length"
     assert frame["min_j_medium"].iloc[-1] == result.min_j["medium"]
 
 

@@ -13,7 +13,7 @@ from tmc_vem.results import StepRecord
 
 def record(load: float = 1.0, **changes: Any) -> StepRecord:
     values: dict[str, Any] = {
-        "step": 1, "load": load, "displacement": -load, "gap": None, "reaction": -1.0, "iterations": 3, "cut_backs": 0,
+        "step": 1, "load": load, "displacement": -load, "probes": {}, "reaction": -1.0, "iterations": 3, "cut_backs": 0,
         "wasted_iterations": 0, "min_j": {"solid": 0.8, "medium": 0.01}, "energy": {"solid": 1.0, "medium": 0.01},
         "negative_pivots": 0, "jumped": False, "seconds": 0.0,
     }  # fmt: skip

@@ -153,6 +153,48 @@ def test_own_density_of_a_solid(tmp_path: Path) -> None:
     assert (region.values, region.is_medium) == ({"c": 3.0}, False)
 
 
+PROBED = """\
+[probes]
+height = { position = "y", at = [0.5, 1] }
+side = { displacement = "ux", at = [0.3, 0.75] }
+held = { reaction = "uy", at = "bottom" }
+squeezed = { mean = "J", region = "medium" }
+
+[edges]
+"""
+
+
+@pytest.mark.parametrize("method", ["vem", "fem"])
+def test_probes_and_units_reach_summary_history_and_report(method: str, tmp_path: Path) -> None:
+    if method == "fem":
+        pytest.importorskip("dolfinx")
+    units = 'units = { length = "cm", force = "kN" }\n[shapes]'
+    path = small(tmp_path, SMALL.replace("[edges]\n", PROBED).replace("[shapes]", units))
+    out = tmp_path / "out"
+    done = tmc("run", str(path), "--out", str(out), "--method", method)
+    assert done.returncode == 0, done.stderr
+    result = json.loads((out / "result.json").read_text())
+    probes = result["probes"]
+    assert probes["height"] == pytest.approx(0.9, abs=1e-10)
+    assert probes["held"] == pytest.approx(-result["reaction"], rel=1e-8)
+    assert probes["side"] < 0.0
+    assert probes["squeezed"] == pytest.approx(0.7698, rel=2e-4)  # either method says so
+    assert result["units"]["held"] == "kN/cm"
+    for row in (f"held {probes['held']:.6e} kN/cm", f"gap {result['gap']:.6e} cm", "displacement -0.1 cm"):
+        assert row in " ".join(done.stdout.split())
+    header, first, *_ = (out / "history.csv").read_text().splitlines()
+    assert "height [cm],side [cm],held [kN/cm],squeezed,reaction [kN/cm]" in header
+    assert len(first.split(",")) == len(header.split(","))
+    drawn = tmc("plot", str(out))
+    assert drawn.returncode == 0, drawn.stderr
+    assert "probes-1.png" in drawn.stdout
+    assert "probes-2.png" in drawn.stdout
+    page = (out / "plots" / "run.html").read_text()
+    assert "held (kN/cm)" in page
+    listed = tmc("list", str(tmp_path), "--csv")
+    assert "probes.squeezed" in listed.stdout.splitlines()[0]
+
+
 FROM_FILE = """
 name = "strip"
 [mesh]
@@ -228,6 +270,27 @@ def test_meshes_from_files(tmp_path: Path, kind: str) -> None:
         ("tip = [0.5, 0.5]", "tip = [0.5]", ("points: tip", "a list of 2")),
         ("tip = [0.5, 0.5]", "tip = [0.5, 0.6]", ("named point 'tip'", "no region's outline")),
         ('gap = ["tip", "ground"]', 'gap = ["tip", "floor"]', ("no named point 'floor'", "ground, tip")),
+        (
+            'gap = ["tip", "ground"]',
+            'gap = ["tip", [0.5, 3.0]]',
+            ("probes: gap: point (0.5, 3)", "2 outside", "(0.5, 1)"),
+        ),
+        (
+            "[edges]",
+            '[probes]\na = { gap = ["tip", "ground"] }\na = { mean = "J" }\n[edges]',
+            ("plug.toml: 'a' stands twice", "line 31"),
+        ),
+        ("[edges]", '[probes]\ngap = { gap = ["tip", "ground"] }\n[edges]', ("gap at the top of the file already",)),
+        ("[edges]", '[probes]\ntime = { mean = "J", region = "plug" }\n[edges]', ("probes: time", "choose another")),
+        ("[edges]", '[probes]\na = { mean = "J", region = "plugg" }\n[edges]', ("no region 'plugg'", "base, plug")),
+        ("[edges]", '[probes]\na = { mean = "E", region = "plug" }\n[edges]', ("probes: a", "unknown mean 'E'")),
+        ("[edges]", '[probes]\na = { displacement = "ux", at = "top" }\n[edges]', ("no named point 'top'", "tip")),
+        ("[edges]", '[probes]\na = { displacement = "ux" }\n[edges]', ("probes: a: displacement lacks 'at'", "line")),
+        ("[edges]", '[probes]\na = { gap = ["tip", "tip"], at = "tip" }\n[edges]', ("gap has no use for 'at'",)),
+        ("[edges]", '[probes]\na = { position = "x", mean = "J" }\n[edges]', ("not position and mean",)),
+        ("[edges]", '[probes]\na = { reaction = "ux", at = [0, 0] }\n[edges]', ("needs the name",)),
+        ("[edges]", '[probes]\na = { reaction = "ux", at = "tip" }\n[edges]', ("not prescribed at 'tip'", "ux at top")),
+        ("[shapes]", 'units = { length = "mm" }\n[shapes]', ("units", "both length and force")),
         ('at = "bottom"', 'at = "botom"', ("'botom'", "bottom")),
         ("[[0, 0], [1, 0]]", "[[0, 2], [1, 2]]", ("edges: bottom", "no edge")),
         ('["plug", "outside"]', '["plug", "inside"]', ("edges: top", "no region 'inside'")),

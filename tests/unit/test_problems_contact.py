@@ -52,7 +52,7 @@ def test_mesh_has_regions_and_all_names_that_the_problem_uses(name):
     for condition in problem.prescribed():
         assert condition.where in mesh.named_points or len(mesh.named_edges[condition.where])
     assert problem.load() in problem.prescribed()
-    gap = problem.gap()
+    gap = problem.probes()["gap"]
     first, second = (mesh.points_vx[mesh.named_vertex(n)] for n in (gap.first, gap.second))
     expected = {"c": 0.3, "p": getattr(problem, "gap0", 0), "b": getattr(problem, "gap0", 0.3), "o": 0.1}[name[0]]
     assert np.hypot(*(first - second)) == pytest.approx(expected)

@@ -9,6 +9,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from tmc_vem.monitor import Monitor
+from tmc_vem.probes import GAP
 from tmc_vem.problems.base import Problem
 from tmc_vem.results import RunResult, StepRecord
 
@@ -72,19 +73,28 @@ def print_summary(result: RunResult) -> None:
 
 def summary_rows(result: RunResult) -> list[tuple[str, str]]:
     """Names and values of the summary."""
+
+    def with_unit(value: str, column: str) -> str:
+        return f"{value} {result.unit(column)}".rstrip()
+
     rows = [("load reached", "full load" if result.complete else f"{result.load:.4g} of the load")]
     last = result.last
     if last:
-        rows.append(("displacement", f"{last.displacement:g}"))
-        if last.gap is not None:
-            rows.append(("gap", f"{last.gap:.6e}"))
-        rows.append(("reaction", f"{last.reaction:.6e}"))
+        gap = {} if last.gap is None else {GAP: last.gap}
+        measured = {**gap, "reaction": last.reaction, **last.probes}  # gap and reaction first
+        rows.append(("displacement", with_unit(f"{last.displacement:g}", "displacement")))
+        rows += [(name, with_unit(f"{value:.6e}", name)) for name, value in measured.items()]
         rows += [(f"smallest J, {region}", f"{value:.4e}") for region, value in last.min_j.items()]
-        rows += [(f"energy, {region}", f"{value:.6e}") for region, value in last.energy.items()]
+        rows += [
+            (f"energy, {region}", with_unit(f"{value:.6e}", f"energy_{region}"))
+            for region, value in last.energy.items()
+        ]
         if last.negative_pivots:
             rows.append(("unstable", f"{last.negative_pivots} negative pivots"))
     if result.checks:
-        rows.append(("energy, regulariser", f"{result.checks['regulariser_energy']:.6e}, a part of the medium's"))
+        column = next((column for column in result.units if column.startswith("energy_")), "")
+        energy = with_unit(f"{result.checks['regulariser_energy']:.6e}", column)
+        rows.append(("energy, regulariser", f"{energy}, a part of the medium's"))
         rows.append(("contact", result.checks["summary"]))
         rows.append(("imbalance", f"{result.checks['imbalance']:.1e} of the largest reaction"))
     cuts = f", {result.cut_backs} cut-backs" if result.cut_backs else ""

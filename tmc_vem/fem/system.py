@@ -16,13 +16,16 @@ from tmc_vem.constraints import Prescribed
 from tmc_vem.errors import InputError
 from tmc_vem.fem import compat
 from tmc_vem.fem.forms import RegionDensity, make_forms
+from tmc_vem.fem.locate import locate
 from tmc_vem.fem.maths import numpy_namespace
 from tmc_vem.fem.mesh import distribute
 from tmc_vem.fem.nodes import Nodes
 from tmc_vem.fem.points import QuadraturePoints, jacobian, largest_step
 from tmc_vem.fem.settings import FemSettings
 from tmc_vem.fields import Polygons
+from tmc_vem.mesh.locate import TOLERANCE
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.places import Located
 from tmc_vem.solve.protocol import Evaluation, RegionValues
 
 Float = NDArray[np.float64]
@@ -180,7 +183,19 @@ class FemSystem:
 
     def point_coordinates(self, names: Sequence[str]) -> Float:
         """Reference coordinates (n, 2) of named points."""
-        return np.array([self.mesh.names.coordinates[name] for name in names]).reshape(-1, 2)
+        known = self.mesh.names.coordinates
+        unknown = [name for name in names if name not in known]
+        if unknown:
+            raise InputError(f"the mesh has no named point '{unknown[0]}'")
+        return np.array([known[name] for name in names]).reshape(-1, 2)
+
+    def nodal_values(self, u: Any) -> Float:
+        """Values (n_nodes, 2) of this rank's nodes, ghosts included."""
+        return self._local_values(u)
+
+    def locate(self, points_nx: Float) -> Located:
+        """Points (n, 2) of the reference configuration in this rank's cells."""
+        return locate(self.mesh, self.nodes, self.settings.order, points_nx, TOLERANCE * self.size)
 
     def compile(self) -> None:
         """Compile the forms, or find them in dolfinx' cache; otherwise this happens when they are first needed."""

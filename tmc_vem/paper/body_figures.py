@@ -85,7 +85,7 @@ class StateFigure:
     def _problem(self, problems: Mapping[str, Problem]) -> list[Block]:
         meshes = {label: problem.make_mesh() for label, problem in problems.items()}
         label, problem = next(iter(problems.items()))
-        figure = draw_problem(meshes[label], problem.prescribed(), problem.load(), problem.gap())
+        figure = draw_problem(meshes[label], problem.prescribed(), problem.load(), problem.probes())
         named = [(f"{label}: {mesh.n_cells} cells", mesh) for label, mesh in meshes.items()]
         return [
             picture(figure, f"fig{self.number}-problem", "The problem with its supports, load and gap."),

@@ -7,11 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from tmc_vem.constraints import Gap, Prescribed
+from tmc_vem.constraints import Prescribed
 from tmc_vem.energy import Energy, Regulariser, hyperelastic_solid, third_medium
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.probes import Probe
 from tmc_vem.problems.regularisers import RegulariserLike, resolve_regulariser
+from tmc_vem.units import Units
 from tmc_vem.validation import check_fields, require_positive
 
 
@@ -114,8 +116,11 @@ class Problem(Protocol):
     def prescribed(self) -> Sequence[Prescribed]:
         """Supports and loads."""
 
-    def gap(self) -> Gap | None:
-        """Points whose distance is the gap, if the problem has one."""
+    def probes(self) -> Mapping[str, Probe]:
+        """What is measured at every load step, by name; reports compare problems by ``gap``, if there is one."""
+
+    def units(self) -> Units:
+        """Units of its lengths and forces, ``Units()`` if it has none in particular."""
 
     def load(self) -> Prescribed:
         """The condition that carries the load; its displacement and reaction are reported."""

@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import Gap, Prescribed
+from tmc_vem.constraints import Prescribed
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.outline import Arc, Region
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.probes import GAP, Gap, Probe
 from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, solid_region
 from tmc_vem.problems.cbox import angle_medium
+from tmc_vem.units import Units
 from tmc_vem.validation import check_fields, require_finite, require_positive
 
 Float = NDArray[np.float64]
@@ -154,9 +156,13 @@ class Bodies:
             conditions += [Prescribed("right_corner", 1)]
         return tuple(conditions)
 
-    def gap(self) -> Gap:
+    def probes(self) -> Mapping[str, Probe]:
         """Distance of the first half disc's lowest point and the beam's surface below it."""
-        return Gap("tip", "surface")
+        return {GAP: Gap("tip", "surface")}
+
+    def units(self) -> Units:
+        """Any consistent set."""
+        return Units()
 
     def load(self) -> Prescribed:
         """u_y of the upper half discs; the lower ones move as far upwards."""

@@ -11,13 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import Gap, Prescribed
+from tmc_vem.constraints import Prescribed
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.parts import submesh, with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.weld import weld
+from tmc_vem.probes import GAP, Gap, Probe
 from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, solid_region
+from tmc_vem.units import Units
 from tmc_vem.validation import check_fields, require_choice, require_finite, require_positive
 
 CELL_KINDS = ("quadrilaterals", "voronoi")
@@ -138,9 +140,13 @@ class Box:
             self.load(),
         )
 
-    def gap(self) -> Gap:
+    def probes(self) -> Mapping[str, Probe]:
         """Distance of the middles of the inner flange surfaces."""
-        return Gap("flange_top", "flange_bottom")
+        return {GAP: Gap("flange_top", "flange_bottom")}
+
+    def units(self) -> Units:
+        """Any consistent set."""
+        return Units()
 
     def load(self) -> Prescribed:
         """u_y at the middle of the top."""

@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from tmc_vem.constraints import Gap, Prescribed
+from tmc_vem.constraints import Prescribed
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.parts import submesh, with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.weld import weld
+from tmc_vem.probes import GAP, Gap, Probe
 from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, solid_region
+from tmc_vem.units import Units
 from tmc_vem.validation import check_fields, require_choice, require_finite, require_positive
 
 SOLID_CELLS = ("quadrilaterals", "polygons")
@@ -108,9 +110,13 @@ class CBox:
         """The left side is fixed, one node is loaded."""
         return (Prescribed("left", 0), Prescribed("left", 1), self.load())
 
-    def gap(self) -> Gap:
+    def probes(self) -> Mapping[str, Probe]:
         """Distance of the inner corners of the two tips, 0.3 at the start."""
-        return Gap("tip_top", "tip_bottom")
+        return {GAP: Gap("tip_top", "tip_bottom")}
+
+    def units(self) -> Units:
+        """Any consistent set."""
+        return Units()
 
     def load(self) -> Prescribed:
         """u_y at the upper right corner."""

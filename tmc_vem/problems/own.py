@@ -12,14 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import Gap, Prescribed
+from tmc_vem.constraints import COMPONENTS, Prescribed
 from tmc_vem.energy import Energy
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.shapes import combine
+from tmc_vem.probes import GAP, Gap, Probe, check_probes
 from tmc_vem.problems.base import Medium, RegionEnergy, medium_region, solid_region
-from tmc_vem.problems.tables import COMPONENTS, ConditionTable, EdgesTable, MediumTable, ProblemTable
+from tmc_vem.problems.tables import ConditionTable, EdgesTable, MediumTable, ProblemTable
+from tmc_vem.units import Units
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -46,6 +48,7 @@ class OwnProblem:
 
     def __post_init__(self) -> None:
         _ = self._regions
+        check_probes(self.probes(), self.prescribed(), tuple(self.table.regions))
         if self.table.shapes:
             _ = self._outlines
 
@@ -80,8 +83,14 @@ class OwnProblem:
             if where not in mesh.named_points and where not in mesh.named_edges:
                 known = ", ".join([*mesh.named_points, *mesh.named_edges]) or "none"
                 raise InputError(f"'{where}' is neither a point nor edges (there are: {known})")
-        for point in table.gap or ():
-            mesh.named_vertex(point)
+        for name, probe in self.probes().items():
+            for place in probe.places:
+                if isinstance(place, str) and place not in mesh.named_points:
+                    known = ", ".join(sorted(mesh.named_points)) or "none"
+                    raise InputError(
+                        f"{GAP if name == GAP and table.gap else f'probes: {name}'}: there is no named point '{place}' "
+                        f"(there are: {known}); coordinates [x, y] do as well"
+                    )
         return mesh
 
     def regions(self) -> Mapping[str, RegionEnergy]:
@@ -92,9 +101,14 @@ class OwnProblem:
         """Supports and load."""
         return tuple(p for condition in (*self.table.support, self.table.load) for p in _conditions(condition))
 
-    def gap(self) -> Gap | None:
-        """The gap's points, if the description has them."""
-        return Gap(*self.table.gap) if self.table.gap else None
+    def probes(self) -> Mapping[str, Probe]:
+        """The gap, if the description has one, and the probes."""
+        gap = {GAP: Gap(*self.table.gap)} if self.table.gap else {}
+        return {**gap, **{name: table.probe() for name, table in self.table.probes.items()}}
+
+    def units(self) -> Units:
+        """Those of the description."""
+        return self.table.units
 
     def load(self) -> Prescribed:
         """The component that carries the load."""
@@ -102,7 +116,7 @@ class OwnProblem:
 
     def inputs(self) -> dict[str, Any]:
         """The whole description as plain values; a mesh file by its content too."""
-        plain = _plain({**asdict(self.table), "name": None, "solve": None})
+        plain = _plain({**asdict(self.table), "name": None, "units": None, "solve": None})
         if self.table.mesh.file is not None:
             plain["mesh"]["content"] = hashlib.sha256(self._mesh_file.read_bytes()).hexdigest()[:16]
         media = [region["medium"] for region in plain["regions"].values() if "medium" in region]

@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import Gap, Prescribed
+from tmc_vem.constraints import Prescribed
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.outline import Arc, Region
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.probes import GAP, Gap, Probe
 from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, solid_region
 from tmc_vem.problems.cbox import angle_medium
+from tmc_vem.units import Units
 from tmc_vem.validation import check_fields, require_finite, require_positive
 
 Float = NDArray[np.float64]
@@ -119,9 +121,13 @@ class Punch:
         """Fixed bottom, symmetry, and the load."""
         return (Prescribed("bottom", 0), Prescribed("bottom", 1), Prescribed("axis", 0), self.load())
 
-    def gap(self) -> Gap:
+    def probes(self) -> Mapping[str, Probe]:
         """Distance of the punch's lowest point and the block's surface on the axis."""
-        return Gap("tip", "surface")
+        return {GAP: Gap("tip", "surface")}
+
+    def units(self) -> Units:
+        """Any consistent set."""
+        return Units()
 
     def load(self) -> Prescribed:
         """u_y of the punch's flat top."""

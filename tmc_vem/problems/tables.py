@@ -6,14 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from tmc_vem.constraints import COMPONENTS
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.shapes import Shape, disc, polygon, rectangle
+from tmc_vem.probes import GAP, Displacement, Gap, MeanJ, Place, Position, Probe, Reaction, check_name
 from tmc_vem.problems.base import Material
+from tmc_vem.units import Units
 from tmc_vem.validation import require_choice, require_finite, require_positive
 
 XY = tuple[float, float]
 CELLS = ("voronoi", "triangles", "quadrilaterals")
-COMPONENTS = {"ux": 0, "uy": 1}
 
 
 @dataclass(frozen=True)
@@ -183,6 +185,60 @@ class ConditionTable:
 
 
 @dataclass(frozen=True)
+class ProbeTable:
+    """Something to measure at every load step: one of the first five, and where.
+
+    Attributes:
+        displacement: ``ux`` or ``uy`` of a point.
+        position: ``x`` or ``y`` of a point in the deformed state.
+        gap: distance of two points, each a name or coordinates.
+        reaction: to ``ux`` or ``uy``, where that is prescribed.
+        mean: ``J`` over a region.
+        at: name or coordinates of a point; for a reaction, name of a point or edges.
+        region: name of a region.
+    """
+
+    displacement: str | None = None
+    position: str | None = None
+    gap: tuple[Place, Place] | None = None
+    reaction: str | None = None
+    mean: str | None = None
+    at: Place | None = None
+    region: str | None = None
+
+    def __post_init__(self) -> None:
+        self.probe()
+
+    def probe(self) -> Probe:
+        """The probe.
+
+        Raises:
+            InputError: there is not exactly one, or it lacks the place or has one of another kind.
+        """
+        needs = {"displacement": "at", "position": "at", "gap": None, "reaction": "at", "mean": "region"}
+        given = [name for name in needs if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise InputError(f"give one of {', '.join(needs)}, not {' and '.join(given) or 'none'}")
+        what = given[0]
+        for place in ("at", "region"):
+            if (getattr(self, place) is None) == (needs[what] == place):
+                raise InputError(f"{what} {'lacks' if needs[what] == place else 'has no use for'} '{place}'")
+        if self.gap is not None:
+            return Gap(*self.gap)
+        if self.mean is not None:
+            require_choice("mean", self.mean, ("J",))
+            return MeanJ(str(self.region))
+        assert self.at is not None
+        if self.displacement is not None:
+            return Displacement(self.displacement, self.at)
+        if self.position is not None:
+            return Position(self.position, self.at)
+        if not isinstance(self.at, str):
+            raise InputError("at: a reaction needs the name of a point or of edges")
+        return Reaction(str(self.reaction), self.at)
+
+
+@dataclass(frozen=True)
 class ProblemTable:
     """A problem file as a whole.
 
@@ -195,7 +251,9 @@ class ProblemTable:
         shapes: by name.
         points: names for nodes on outlines, by their coordinates.
         edges: names for edges.
-        gap: two named points whose distance is reported.
+        gap: two points whose distance is reported; short for a probe of that name.
+        probes: what else is measured at every load step, by name.
+        units: of length and force; any consistent set by default.
         solve: method and steps, as in :class:`tmc_vem.simulation.RunOptions`.
     """
 
@@ -207,12 +265,18 @@ class ProblemTable:
     shapes: Mapping[str, ShapeTable] = field(default_factory=dict)
     points: Mapping[str, XY] = field(default_factory=dict)
     edges: Mapping[str, EdgesTable] = field(default_factory=dict)
-    gap: tuple[str, str] | None = None
+    gap: tuple[Place, Place] | None = None
+    probes: Mapping[str, ProbeTable] = field(default_factory=dict)
+    units: Units = field(default_factory=Units)
     solve: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if (self.load.ux is None) == (self.load.uy is None):
             raise InputError("load: give one of ux and uy; further components belong to [[support]]")
+        if self.gap is not None and GAP in self.probes:
+            raise InputError(f"probes: {GAP}: there is a gap at the top of the file already; leave out one of them")
+        for name in self.probes:
+            check_name(name)
         if not self.regions:
             raise InputError("regions: there is none")
         if (self.mesh.file is None) == (not self.shapes):

@@ -146,6 +146,11 @@ def _summary(c: Comparison) -> list[Block]:
     row("gap", [full_gap(run) for run in finest.values()], _paper_cell(reference))
     row("gap, mesh-converged", [m.converged.value if m.converged else None for m in c.methods], _paper_cell(reference))
     row("reaction", [run.reaction if run.complete else None for run in finest.values()])
+    for probe in tables.probes_of(finest):
+        row(
+            tables.with_unit(probe, finest, probe),
+            [run.probes.get(probe) if run.complete else None for run in finest.values()],
+        )
     regions = tables.regions_of(finest)
     row("smallest gap in contact", [run.checks.get("smallest_gap") for run in finest.values()])
     for region in regions:
@@ -228,6 +233,7 @@ def _errors(c: Comparison, quantity: str) -> Picture:
 def _loading(c: Comparison) -> list[Block]:
     return [
         picture(plots.gap_and_reaction(c.finest), "loading", "Gap and reaction during loading, finest mesh."),
+        *plots.probe_pictures(c.finest),
         picture(plots.smallest_j(c.finest), "smallest-j", "Smallest J during loading, finest mesh."),
         picture(plots.energy_split(c.finest), "energy", "Energy of solids and medium during loading, finest mesh."),
     ]

@@ -8,12 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from tmc_vem.probes import GAP
+from tmc_vem.report.page import Picture, picture
+from tmc_vem.report.tables import probes_of, with_unit
 from tmc_vem.results import RunResult, StepRecord
 
 # colours and dashes that stay apart in print and for colour-blind readers
 COLOURS = ("#0b5394", "#c55a11", "#2e7d32", "#7b1fa2", "#5d4037", "#00838f")
 MARKS = "osD^vP"
 MOST_TICKS = 7
+PANELS = 3  # of probes beside one another
 
 Runs = Mapping[str, RunResult]
 
@@ -42,7 +46,7 @@ def against_load(axes: Any, runs: Runs, value: Callable[[StepRecord], float | No
         points = [(abs(record.displacement), v) for record in run.history if (v := value(record)) is not None]
         if points:
             axes.plot(*np.transpose(points), label=name, **_style(n))
-    axes.set_xlabel("prescribed displacement, magnitude")
+    axes.set_xlabel(with_unit("prescribed displacement, magnitude", runs, "displacement"))
     axes.set_ylabel(label)
 
 
@@ -51,11 +55,30 @@ def gap_and_reaction(runs: Runs) -> Any:
     has_gap = any(record.gap is not None for run in runs.values() for record in run.history)
     figure, axes = _figure(2 if has_gap else 1)
     if has_gap:
-        against_load(axes[0], runs, lambda record: record.gap, "gap")
+        against_load(axes[0], runs, lambda record: record.gap, with_unit("gap", runs, GAP))
         axes[0].set_yscale("log")
-    against_load(axes[-1], runs, lambda record: abs(record.reaction), "reaction, magnitude")
+    label = with_unit("reaction, magnitude", runs, "reaction")
+    against_load(axes[-1], runs, lambda record: abs(record.reaction), label)
     axes[0].legend(fontsize=8, frameon=False)
     return figure
+
+
+def probe_pictures(runs: Runs) -> list[Picture]:
+    """The probes during loading, three a picture, but for the gap, which has one already."""
+    names, pictures = probes_of(runs), []
+    for first in range(0, len(names), PANELS):
+        some = names[first : first + PANELS]
+        figure, axes = _figure(len(some), height=3.2, width=10.0 if len(some) > 1 else 5.5)
+        for one, name in zip(axes, some, strict=True):
+            against_load(one, runs, _probe(name), with_unit(name, runs, name))
+        if len(runs) > 1:
+            axes[0].legend(fontsize=8, frameon=False)
+        pictures.append(picture(figure, f"probes-{first // PANELS + 1}", f"{', '.join(some)} during loading."))
+    return pictures
+
+
+def _probe(name: str) -> Callable[[StepRecord], float | None]:
+    return lambda record: record.probes.get(name)
 
 
 def smallest_j(runs: Runs) -> Any:

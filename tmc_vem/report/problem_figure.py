@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import Gap, Prescribed
+from tmc_vem.constraints import Prescribed
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.probes import Gap, Place, Probe
 from tmc_vem.report.figures import MEDIUM, outline
 from tmc_vem.report.panels import WIDE
 
 SOLIDS = ("#c9d3dc", "#aebccb", "#dcd2c4")
 MEDIUM_COLOUR = "#eaf3fb"
-SUPPORT, LOAD, GAP = "#1c2024", "#c0392b", "#0b5394"
+SUPPORT, LOAD = "#1c2024", "#c0392b"
+PROBES = ("#0b5394", "#2e7d32", "#7b1fa2", "#00838f", "#5d4037")
 
 
-def draw_problem(mesh: PolygonMesh, prescribed: Sequence[Prescribed], load: Prescribed, gap: Gap | None) -> Any:
-    """Figure of a problem: supports as squares, or triangles where one component is free, loads as arrows, the gap as a
-    line."""
+def draw_problem(
+    mesh: PolygonMesh, prescribed: Sequence[Prescribed], load: Prescribed, probes: Mapping[str, Probe]
+) -> Any:
+    """Figure of a problem: supports as squares, or triangles where one component is free, loads as arrows, gaps as
+    lines, and other points that are measured as dots."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -45,14 +49,18 @@ def draw_problem(mesh: PolygonMesh, prescribed: Sequence[Prescribed], load: Pres
                 axes.annotate("", x, tail, arrowprops={"arrowstyle": "-|>", "color": LOAD, "linewidth": 1.6})
     sizes = dict.fromkeys(f"$u_{'xy'[p.component]}$ = {p.value:g}" for p in (load, *prescribed) if p.value)
     handles.append(Line2D([], [], marker="v", linestyle="-", color=LOAD, label=", ".join(sizes)))
-    if gap is not None:
-        ends = np.concatenate([_some(mesh, gap.first, 1), _some(mesh, gap.second, 1)])
-        axes.plot(*ends.T, "o-", color=GAP, markersize=4, linewidth=1.2)
-        handles.append(Line2D([], [], marker="o", color=GAP, label="gap"))
+    for n, (name, probe) in enumerate((name, probe) for name, probe in probes.items() if probe.places):
+        style = {"marker": "o", "linestyle": "-" if isinstance(probe, Gap) else "", "color": PROBES[n % len(PROBES)]}
+        axes.plot(*np.array([_place(mesh, at) for at in probe.places]).T, markersize=4, linewidth=1.2, **style)
+        handles.append(Line2D([], [], label=name, **style))
     axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=6, fontsize=9, frameon=False)
     axes.set_ylim(points[:, 1].min() - 2 * unit, points[:, 1].max() + 2 * unit)
     axes.set_xlim(points[:, 0].min() - 2 * unit, points[:, 0].max() + 2 * unit)
     return figure
+
+
+def _place(mesh: PolygonMesh, at: Place) -> NDArray[np.float64]:
+    return np.asarray(mesh.points_vx[mesh.named_points[at]] if isinstance(at, str) else at)
 
 
 def _supports(mesh: PolygonMesh, prescribed: Sequence[Prescribed]) -> dict[str, tuple[str, tuple[float, float], Any]]:

@@ -38,6 +38,7 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4) -> P
         states = [picture(draw_panels(panels, quantity=quantity), "states", "Deformed states.", inline="png")]
     curves: list[Block] = [
         picture(plots.gap_and_reaction(runs), "loading", "Gap and reaction during loading."),
+        *plots.probe_pictures(runs),
         picture(plots.smallest_j(runs), "smallest-j", "Smallest J during loading."),
         picture(plots.energy_split(runs), "energy", "Energy of solids and medium during loading."),
         picture(plots.newton_iterations(runs), "newton", "Newton iterations of every load step."),
@@ -47,7 +48,7 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4) -> P
         f"Run of {name}",
         f"{tables.reached(result)}, {result.n_cells} cells, {result.n_dofs} degrees of freedom.",
         [
-            Section("Result", [tables.final_state(runs), warnings]),
+            Section("Result", [tables.final_state(runs), *tables.measured(runs), warnings]),
             Section("Deformed states", states),
             Section("Curves", curves),
             Section("Solution", [tables.effort(runs), Table("Contact.", ("run", "deformed solids"), contact)]),

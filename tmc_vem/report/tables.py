@@ -7,6 +7,7 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tmc_vem.probes import GAP
 from tmc_vem.report.page import Cell, Table
 from tmc_vem.results import RunResult
 
@@ -73,8 +74,13 @@ def effort(runs: Runs) -> Table:
 def final_state(runs: Runs) -> Table:
     """Gap, reaction, smallest J and energies at the last converged step."""
     regions = regions_of(runs)
-    head = ["run", "gap", "reaction", *(f"smallest J, {r}" for r in regions), *(f"energy, {r}" for r in regions),
-            REGULARISER]  # fmt: skip
+    head = [
+        "run",
+        *(with_unit(name, runs, name) for name in ("gap", "reaction")),
+        *(f"smallest J, {r}" for r in regions),
+        *(with_unit(f"energy, {r}", runs, f"energy_{r}") for r in regions),
+        REGULARISER,
+    ]
     rows = []
     for name, run in runs.items():
         energies = run.last.energy if run.last else {}
@@ -91,9 +97,29 @@ def final_state(runs: Runs) -> Table:
     return Table("State at the last converged step. The medium's energy includes the regulariser's.", head, rows)
 
 
+def measured(runs: Runs) -> list[Table]:
+    """A table with the probes at the last converged step, if there are others than the gap."""
+    names = probes_of(runs)
+    rows: list[list[str | Cell]] = [
+        [with_unit(name, runs, name), *(number(run.probes.get(name)) for run in runs.values())] for name in names
+    ]
+    return [Table("Probes at the last converged step.", ("probe", *runs), rows)] if rows else []
+
+
 def regions_of(runs: Runs) -> list[str]:
     """Names of all regions of some runs."""
     return list(dict.fromkeys(name for run in runs.values() for name in run.min_j))
+
+
+def probes_of(runs: Runs) -> list[str]:
+    """Names of all probes of some runs but for the gap."""
+    return list(dict.fromkeys(name for run in runs.values() for name in run.probes if name != GAP))
+
+
+def with_unit(label: str, runs: Runs, column: str) -> str:
+    """A label with the unit of a column of the history, if all runs that declare one declare the same."""
+    units = {unit for run in runs.values() if (unit := run.unit(column))}
+    return f"{label} ({units.pop()})" if len(units) == 1 else label
 
 
 def provenance(runs: Runs, command: str) -> list[Table]:
@@ -174,7 +200,7 @@ def runs_csv(runs: Runs) -> str:
         row: dict[str, Any] = {"run": label}
         row |= {name: data[name] for name in ("complete", "load", "gap", "reaction", "n_cells", "n_dofs", "steps",
                 "newton_iterations", "cut_backs", "negative_pivots")}  # fmt: skip
-        for group in ("min_j", "energy", "seconds", "inputs", "versions"):
+        for group in ("probes", "min_j", "energy", "seconds", "inputs", "versions"):
             row |= {f"{group}.{name}": value for name, value in _leaves(data[group])}
         row["directory"] = run.directory.name if run.directory else ""
         rows.append(row)

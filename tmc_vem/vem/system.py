@@ -20,12 +20,15 @@ from tmc_vem.fields import Polygons
 from tmc_vem.memory import give_back, reuse_freed
 from tmc_vem.mesh.distribute import DistributedMesh
 from tmc_vem.mesh.geometry import centroids
+from tmc_vem.mesh.locate import TOLERANCE
 from tmc_vem.parallel import on_every_rank
+from tmc_vem.places import Located
 from tmc_vem.solve.protocol import Evaluation, RegionValues
 from tmc_vem.vem.blocks import CHUNK, RegionKernel, make_blocks
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.element import ElementSettings, element_groups
 from tmc_vem.vem.insertion import MatrixInsertion
+from tmc_vem.vem.locate import locate
 from tmc_vem.vem.pattern import serial_matrix
 from tmc_vem.vem.quadrature import gauss_lobatto
 from tmc_vem.vem.tables import points_and_values
@@ -241,6 +244,10 @@ class VemSystem:
     def nodal_values(self, u: Any) -> Float:
         """Values (n_nodes, 2) of this rank's nodes, ghosts included."""
         return self._local_values(u).copy()
+
+    def locate(self, points_nx: Float) -> Located:
+        """Points (n, 2) of the reference configuration in this rank's cells."""
+        return locate(self.distributed, self.dofmap, self.blocks, points_nx, TOLERANCE * self.size)
 
     def node_labels(self) -> Float:
         """Labels (n_owned_nodes, 3) of this rank's part of a vector that do not depend on the distribution.

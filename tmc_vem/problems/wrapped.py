@@ -1,0 +1,76 @@
+"""A problem that differs from another one in a part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from tmc_vem.constraints import Prescribed
+from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.probes import Probe, as_plain
+from tmc_vem.problems.base import Problem, RegionEnergy
+from tmc_vem.units import Units
+
+
+@dataclass(frozen=True)
+class Wrapped:
+    """Implements :class:`tmc_vem.problems.base.Problem` by another problem; subclasses change a part.
+
+    Attributes:
+        problem: the other one.
+    """
+
+    problem: Problem
+
+    @property
+    def name(self) -> str:
+        """Name of the problem."""
+        return self.problem.name
+
+    def make_mesh(self) -> PolygonMesh:
+        """Mesh of the problem."""
+        return self.problem.make_mesh()
+
+    def regions(self) -> Mapping[str, RegionEnergy]:
+        """Regions of the problem."""
+        return self.problem.regions()
+
+    def prescribed(self) -> Sequence[Prescribed]:
+        """Supports and loads of the problem."""
+        return self.problem.prescribed()
+
+    def probes(self) -> Mapping[str, Probe]:
+        """Probes of the problem."""
+        return self.problem.probes()
+
+    def units(self) -> Units:
+        """Units of the problem."""
+        return self.problem.units()
+
+    def load(self) -> Prescribed:
+        """Load of the problem."""
+        return self.problem.load()
+
+    def inputs(self) -> dict[str, Any]:
+        """Inputs of the problem."""
+        return self.problem.inputs()
+
+
+@dataclass(frozen=True)
+class Probed(Wrapped):
+    """A problem with more probes, ``Probed(Box(), {"side": Displacement("ux", (0.0, 0.25))})``.
+
+    Attributes:
+        more: probes by name; one of a name that the problem has too takes its place.
+    """
+
+    more: Mapping[str, Probe]
+
+    def probes(self) -> Mapping[str, Probe]:
+        """Probes of the problem, and more."""
+        return {**self.problem.probes(), **self.more}
+
+    def inputs(self) -> dict[str, Any]:
+        """Inputs of the problem, and the probes."""
+        return {**self.problem.inputs(), "probes": {name: as_plain(probe) for name, probe in self.more.items()}}
