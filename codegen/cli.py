@@ -19,12 +19,14 @@ UNSET = 1.0  # value at which a parameter without a given one is checked
 
 
 class _OneLineErrors(click.Command):
-    """Reports a CodegenError in one line with exit code 2."""
+    """Reports a CodegenError in one line with exit code 2; as a part of another command it leaves that to it."""
 
     def invoke(self, ctx: click.Context) -> object:
         try:
             return super().invoke(ctx)
         except CodegenError as error:
+            if ctx.parent is not None:
+                raise
             click.echo(f"Error: {error}", err=True)
             ctx.exit(error.exit_code)
 

@@ -17,6 +17,7 @@ import sympy as sp
 
 from codegen import centre
 from codegen.centre import H11, H22, J_MINUS_1, X_SYMBOLS, J, Value
+from codegen.errors import CodegenError
 from codegen.ir import DerivedEnergy, SymExpr
 from codegen.ordering import F_NAMES, N_X, X_NAMES
 from codegen.trace import Node, TracedEnergy
@@ -109,6 +110,9 @@ def differentiate(traced: TracedEnergy) -> DerivedEnergy:
 
     Energy and gradient come from the centred form wherever they vanish at F = I. The Hessian does not vanish there; it
     comes from the plain form, which is shorter.
+
+    Raises:
+        CodegenError: the energy divides by zero, or has no second derivatives everywhere.
     """
     value = to_sympy(traced)
     energy = gradient_source = plain_energy = centre.plain(value)
@@ -120,6 +124,7 @@ def differentiate(traced: TracedEnergy) -> DerivedEnergy:
     plain_gradient = gradient if gradient_source is plain_energy else tuple(_derivatives(plain_energy, X_SYMBOLS))
     rows = [_derivatives(plain_gradient[a], X_SYMBOLS[a:]) for a in range(N_X)]
     hessian = tuple(entry for row in rows for entry in row)
+    _require_smooth(traced.name, (energy, *gradient, *hessian))
     return DerivedEnergy(
         name=traced.name,
         parameters=traced.parameters,
@@ -130,6 +135,21 @@ def differentiate(traced: TracedEnergy) -> DerivedEnergy:
         plain_gradient=plain_gradient,
         uses_second_gradient=traced.uses_second_gradient,
     )
+
+
+def _require_smooth(name: str, expressions: Sequence[SymExpr]) -> None:
+    if any(expression.has(sp.zoo, sp.nan, sp.oo, -sp.oo) for expression in expressions):
+        raise CodegenError(
+            f"energy '{name}': it or a derivative divides by zero everywhere; look for a term that cancels"
+        )
+    kinks = sorted(
+        {str(kink.func) for e in expressions for kink in e.atoms(sp.DiracDelta, sp.Heaviside, sp.Derivative)}
+    )
+    if kinks:
+        raise CodegenError(
+            f"energy '{name}': its derivatives contain {', '.join(kinks)}, so it has a kink; write m.sqrt(x * x + eps) "
+            "for the square root of a square"
+        )
 
 
 def _derivatives(expression: SymExpr, variables: Sequence[SymExpr]) -> list[SymExpr]:

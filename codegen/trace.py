@@ -70,9 +70,9 @@ class Recorder:
         """The recorded form of a number or of a scalar that this recorder made."""
         if isinstance(value, TracedScalar):
             return value
-        if isinstance(value, (int, float)) and not isinstance(value, bool):
+        if isinstance(value, (int, float)):  # True and False too: (i == j) is a Kronecker delta
             return self.add("const", value=float(value))
-        if not isinstance(value, (str, bytes, bool)):
+        if not isinstance(value, (str, bytes)):
             with contextlib.suppress(TypeError, ValueError):
                 return self.add("const", value=float(value))  # numpy scalars and the like
         self.fail(f"cannot compute with a {type(value).__name__}; use numbers, F, G, p and the functions of m")
@@ -112,6 +112,8 @@ class TracedScalar:
         return self._binary("*", other, self)
 
     def __truediv__(self, other: Any) -> TracedScalar:
+        if isinstance(other, (int, float)) and other == 0:
+            self.recorder.fail("it divides by zero; is a parameter or a constant missing?")
         return self._binary("/", self, other)
 
     def __rtruediv__(self, other: Any) -> TracedScalar:
@@ -137,7 +139,8 @@ class TracedScalar:
             "write a smooth expression instead, for example m.sqrt(x * x + eps) for abs(x)"
         )
 
-    __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __abs__ = _no_branch
+    __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = __abs__ = _no_branch
+    __hash__ = object.__hash__
 
     def _no_number(self) -> NoReturn:
         self.recorder.fail("math and numpy functions need numbers; use those of m: m.exp, m.log, m.sqrt, ...")

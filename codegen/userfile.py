@@ -114,7 +114,9 @@ def _is_energy(module: ModuleType, name: str) -> bool:
 
 def _module_from_file(path: Path) -> ModuleType:
     if not path.is_file():
-        raise CodegenError(f"there is no file {path}")
+        raise CodegenError(
+            f"there is no file {path} in {Path.cwd()}" if not path.is_absolute() else f"there is no file {path}"
+        )
     name = "energies_" + hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:16]
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -79,6 +80,9 @@ class RunOptions:
             raise InputError(f"load path {' '.join(f'{load:g}' for load in self.path)} must begin with 0")
         for load in self.output_loads:
             require_finite("output load", load)
+            low, high = min(self.path), max(self.path)
+            if not low <= load <= high:
+                raise InputError(f"output load {load:g} is not on the load path, which goes from {low:g} to {high:g}")
         require_known(self.continuation, CONTINUED, "continuation")
         for name, value in self.continuation.items():
             require_positive(f"continuation from {name}", value, "it is where the parameter starts from")
@@ -151,6 +155,7 @@ def run(
         if out is not None:
             directory = comm.bcast(on_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume)))
         system = discretise(problem, options, comm)
+        require_finite_start(system)
         gauge = Gauge(problem, system)
         solver = NewtonSolver(system, timer=timer, solver=options.solver)
     if directory is not None:
@@ -262,6 +267,24 @@ def discretise(problem: Problem, options: RunOptions, comm: Any) -> Any:
     costs = {name: MEDIUM_COST for name, region in problem.regions().items() if region.is_medium}
     mesh = distribute(comm, problem.make_mesh, costs)
     return VemSystem(mesh, kernels, problem.prescribed(), options.element)
+
+
+def require_finite_start(system: Any) -> None:
+    """Check that energies and stresses can be computed before anything is deformed.
+
+    Raises:
+        InputError: they cannot; load stepping would only say that it found no way to begin.
+    """
+    u, residual = system.create_vector(), system.create_vector()
+    evaluation = system.residual(u, residual)
+    bad = [f"the energy of region '{name}'" for name, of in evaluation.regions.items() if not math.isfinite(of.energy)]
+    if not bad and not math.isfinite(residual.norm()):
+        bad = ["the stress, that is the derivative of the energy,"]
+    if bad:
+        raise InputError(
+            f"{bad[0]} is no finite number in the undeformed state: 'tmc-vem codegen FILE.py:FUNCTION --check' checks "
+            "an energy of your own; a square root needs more than zero inside, m.sqrt(x + eps)"
+        )
 
 
 def compile_region(region: RegionEnergy) -> tuple[Any, Any]:

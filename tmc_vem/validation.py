@@ -59,15 +59,16 @@ def require_within(name: str, value: float, low: float, high: float, hint: str =
         raise InputError(f"{name} = {shown(value)}: use {low:g} to {high:g}{f', {hint}' if hint else ''}")
 
 
-def require_choice(name: str, value: str, choices: Iterable[str]) -> None:
+def require_choice(name: str, value: str, choices: Iterable[str], hint: str = "") -> None:
     """Check that a word is one of several.
 
     Raises:
-        InputError: it is not; the message lists them, the most similar one first.
+        InputError: it is not; the message lists them, the most similar one first, and then has the hint.
     """
     known = list(choices)
     if value not in known:
-        raise InputError(f"unknown {name} {shown(value)}{_meant(value, known)}: choose one of {', '.join(known)}")
+        more = f"; {hint}" if hint else ""
+        raise InputError(f"unknown {name} {shown(value)}{_meant(value, known)}: choose one of {', '.join(known)}{more}")
 
 
 def require_known(given: Iterable[Any], known: Iterable[str], where: str) -> None:

@@ -83,6 +83,10 @@ def test_fields_hold_true_polygons(tmp_path: Path) -> None:
         (("--quadrature", "1"), ("quadrature",)),
         (("--snapshots", "-1"), ("snapshots",)),
         (("--gama", "1"), ("--gama", "--gamma")),
+        (("--at", "1.5"), ("output load 1.5", "from 0 to 1")),
+        (("--petsc", "tmc_pc_type lu"), ("'tmc_pc_type' is not an option", "-tmc_")),
+        (("--petsc", "'-tmc_pc_type lu"), ("quot",)),
+        (("--petsc", "-tmc_pc_type nonsense"), ("PETSc refuses", "--petsc", "nonsense")),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(
@@ -147,6 +151,29 @@ def test_own_regulariser_from_a_file(tmp_path: Path) -> None:
     done = tmc("run", "box", *SHORT, *arguments, "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["inputs"]["medium"]["parameters"] == {"kappa": 0.1}
+
+
+@pytest.mark.parametrize("method", ["vem", "fem"])
+@pytest.mark.parametrize(
+    ("psi", "words"),
+    [
+        ("p.w * G[0][0][0] ** 2", ("p.w", "--param w=VALUE")),
+        ("math.sqrt(G[0][0][0])", ("m.sqrt",)),
+        ("m.root(G[0][0][0])", ("m.root", "m.sqrt")),
+        ("G[0][0][0] / 0", ("'faulty'", "divides by zero")),
+        ("m.sqrt(F[0][0] - 2)", ("energy of region 'medium'", "codegen FILE.py:FUNCTION --check")),
+        ("m.sqrt(G[0][0][0] ** 2 + G[0][0][1] ** 2)", ("the stress", "undeformed")),
+    ],
+)
+def test_faulty_regularisers_are_refused_in_words(
+    method: str, psi: str, words: tuple[str, ...], tmp_path: Path
+) -> None:
+    (tmp_path / "mine.py").write_text(f"import math\n\n\ndef faulty(F, G, p, m):\n    return {psi}\n")
+    done = tmc("run", "box", *SHORT, "--method", method, "--regulariser", "mine.py:faulty", "--quiet", cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+    for word in words:
+        assert word in done.stderr
 
 
 def test_two_ranks_print_once_and_write_pieces(tmp_path: Path) -> None:

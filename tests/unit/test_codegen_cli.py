@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
@@ -161,4 +162,4 @@ def test_as_a_module():
     assert "psi = kappa*((G111 + G122)**2 + (G211 + G222)**2)/2" in done.stdout
     failed = subprocess.run([*command, "none.py:bending", "--show"], capture_output=True, text=True, check=False)
     assert failed.returncode == 2
-    assert failed.stderr == "Error: there is no file none.py\n"
+    assert failed.stderr == f"Error: there is no file none.py in {Path.cwd()}\n"

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from codegen.compiler import derive
 from codegen.errors import CodegenError
 from codegen.trace import trace
 
@@ -87,7 +88,17 @@ def like_an_array(F, G, p, m):
     return F[0, 0]
 
 
+def equal(F, G, p, m):
+    return F[0][0] if F[0][0] == 1 else F[1][1]
+
+
+def no_divisor(F, G, p, m):
+    return F[0][0] / 0
+
+
 CASES = [
+    (equal, "comparison on a value .* write a smooth expression"),
+    (no_divisor, "divides by zero"),
     (branching, "comparison on a value .* write a smooth expression instead, for example m.sqrt"),
     (truth, "'if', 'abs', 'min', 'max' or a comparison on a value .* write a smooth expression"),
     (absolute, "'abs'.* write a smooth expression instead, for example m.sqrt"),
@@ -116,6 +127,28 @@ def test_what_cannot_be_traced_is_said_in_one_line(density, message):
         trace(density, "mine", ("mu",))
     assert str(caught.value).startswith("energy 'mine'")
     assert "\n" not in str(caught.value)
+
+
+def test_a_comparison_of_indices_is_a_number():
+    def kronecker(F, G, p, m):
+        return sum((F[i][j] - (i == j)) ** 2 for i in (0, 1) for j in (0, 1))
+
+    def written_out(F, G, p, m):
+        return sum((F[i][j] - (1.0 if i == j else 0.0)) ** 2 for i in (0, 1) for j in (0, 1))
+
+    assert trace(kronecker, "mine", ()) == trace(written_out, "mine", ())
+
+
+@pytest.mark.parametrize(
+    ("density", "message"),
+    [
+        (lambda F, G, p, m: m.sqrt(G[0][0][0] ** 2), r"DiracDelta, so it has a kink; write m.sqrt\(x \* x \+ eps\)"),
+        (lambda F, G, p, m: F[0][0] / (F[0][1] - F[0][1]), "divides by zero everywhere"),
+    ],
+)
+def test_what_has_no_second_derivatives_is_said_in_one_line(density, message):
+    with pytest.raises(CodegenError, match=f"^energy 'mine': .*{message}"):
+        derive(trace(density, "mine", ()))
 
 
 def test_errors_of_the_density_itself_are_named():

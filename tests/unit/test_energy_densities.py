@@ -217,7 +217,9 @@ def test_a_regulariser_brings_its_own_parameters():
 
 
 def test_names_that_do_not_exist_or_clash_are_refused():
-    with pytest.raises(InputError, match="unknown regulariser 'hu': choose one of huhu, huhu_lulu, angle, tangent"):
+    with pytest.raises(
+        InputError, match=r"unknown regulariser 'hu'.*: choose one of huhu, huhu_lulu, angle, tangent; FILE"
+    ):
         get_regulariser("hu")
     clash = Regulariser("mine", densities.huhu, parameters=("beta",))
     assert third_medium(clash, damped=False).parameters == ("mu", "gamma", "alpha_r", "beta")

@@ -93,7 +93,10 @@ def test_box_refuses(arguments, message):
         ({"alpha_r": 0.0}, r"alpha_r = 0 must be a positive number"),
         ({"beta": -1.0}, r"beta = -1 must not be negative"),
         ({"beta": math.nan}, r"beta = nan"),
-        ({"regulariser": "hulu"}, r"unknown regulariser 'hulu': choose one of huhu, huhu_lulu"),
+        (
+            {"regulariser": "hulu"},
+            r"unknown regulariser 'hulu' \(did you mean 'huhu'\?\): choose one of huhu, huhu_lulu",
+        ),
         ({"parameters": {"c": 1.0}}, r"regulariser 'huhu_lulu' takes no parameters; given: c"),
     ],
 )

@@ -77,10 +77,10 @@ def _run(arguments: list[str] | None) -> int:
         return code if isinstance(code, int) else 0
     except click.exceptions.Exit as leave:
         return int(leave.exit_code)
-    except click.exceptions.NoArgsIsHelpError as error:
-        error.show()
-        return 2
     except click.ClickException as error:
+        if type(error).__name__ == "NoArgsIsHelpError":  # click 8.1 has none: it prints the help itself
+            error.show()
+            return 2
         hint = f" ('{error.ctx.command_path} --help' explains)" if getattr(error, "ctx", None) else ""  # type: ignore[attr-defined]
         return _report(f"{error.format_message()}{hint}", error.exit_code)
     except (TmcError, CodegenError) as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -378,9 +379,27 @@ def parse_parameters(texts: tuple[str, ...], option: str = "--param") -> dict[st
     return values
 
 
-def _start_petsc(options: str) -> None:
+def _petsc_words(options: str) -> list[str]:
+    """The words of a string of PETSc options.
+
+    Raises:
+        InputError: quotes are not closed, or there is a word that is neither an option nor its value.
+    """
     import shlex
 
+    try:
+        words = shlex.split(options)
+    except ValueError as error:
+        raise InputError(f"--petsc '{options}': {str(error).lower()}") from None
+    is_option = [re.match("-[A-Za-z]", word) is not None for word in words]
+    for word, here, before in zip(words, is_option, [False, *is_option], strict=False):
+        if not here and not before:
+            raise InputError(f"--petsc '{options}': '{word}' is not an option, such as '-tmc_ksp_rtol 1e-10'")
+    return words
+
+
+def _start_petsc(options: str) -> None:
+    words = _petsc_words(options)
     try:
         import petsc4py
     except ImportError:
@@ -388,4 +407,4 @@ def _start_petsc(options: str) -> None:
             "petsc4py is not available to this Python: install it ('apt-get install python3-petsc4py-real' on Debian) "
             "and make the environment with --system-site-packages"
         ) from None
-    petsc4py.init([sys.argv[0], *shlex.split(options)])
+    petsc4py.init([sys.argv[0], *words])

@@ -10,6 +10,7 @@ from tmc_vem.energy import densities
 from tmc_vem.energy import kinematics as kin
 from tmc_vem.energy.declare import declare, declared
 from tmc_vem.errors import InputError
+from tmc_vem.validation import require_choice
 
 _PASSED_ON = ("objective", "stress_free", "max_rotation")  # what is true of a regulariser is true of its medium
 
@@ -53,10 +54,8 @@ def get_regulariser(name: str) -> Regulariser:
     Raises:
         InputError: there is none of that name; the message lists the names.
     """
-    try:
-        return REGULARISERS[name]
-    except KeyError:
-        raise InputError(f"unknown regulariser '{name}': choose one of {', '.join(REGULARISERS)}") from None
+    require_choice("regulariser", name, REGULARISERS, "FILE.py:FUNCTION is one of your own")
+    return REGULARISERS[name]
 
 
 def hyperelastic_solid() -> Energy:

@@ -20,6 +20,7 @@ from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.shapes import combine
 from tmc_vem.probes import GAP, Gap, Probe, check_probes
 from tmc_vem.problems.base import Medium, RegionEnergy, medium_region, solid_region
+from tmc_vem.problems.regularisers import require_traceable
 from tmc_vem.problems.tables import ConditionTable, EdgesTable, MediumTable, ProblemTable
 from tmc_vem.units import Units
 
@@ -163,6 +164,7 @@ class OwnProblem:
             raise InputError(
                 f"density '{loaded.name}' needs a value for {missing[0]}: parameters = {{{missing[0]} = ...}}"
             )
+        require_traceable(loaded.function, loaded.name, tuple(loaded.parameters))
         known = {name: float(value) for name, value in loaded.parameters.items() if value is not None}
         return RegionEnergy(Energy(loaded.name, loaded.function, tuple(known), loaded.description), known, is_medium)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from tmc_vem.energy import Regulariser, get_regulariser
@@ -20,9 +20,10 @@ def resolve_regulariser(wanted: RegulariserLike, values: Mapping[str, float]) ->
         values: values of its parameters. A function that declares none takes the names from here.
 
     Raises:
-        InputError: there is no such regulariser, or its parameters do not match.
+        InputError: there is no such regulariser, its parameters do not match, or calling it fails.
     """
     if isinstance(wanted, Regulariser):
+        require_traceable(wanted.density, wanted.name, wanted.parameters)
         return wanted, _match(wanted, values)
     if isinstance(wanted, str) and ":" not in wanted:
         regulariser = get_regulariser(wanted)
@@ -41,8 +42,24 @@ def resolve_regulariser(wanted: RegulariserLike, values: Mapping[str, float]) ->
         raise InputError(
             f"regulariser '{loaded.name}' needs a value for {', '.join(missing)}: --param {missing[0]}=..."
         )
+    require_traceable(loaded.function, loaded.name, tuple(loaded.parameters))
     regulariser = Regulariser(loaded.name, loaded.function, loaded.description, tuple(loaded.parameters))
     return regulariser, {name: float(value) for name, value in loaded.parameters.items() if value is not None}
+
+
+def require_traceable(density: Callable[[Any, Any, Any, Any], Any], name: str, parameters: Sequence[str]) -> None:
+    """Call a user's density with symbols, so that its faults are said in words before a mesh is made, for any method.
+
+    Raises:
+        InputError: it branches on a value, uses an unknown function or an undeclared parameter, or fails.
+    """
+    from codegen.errors import CodegenError
+    from codegen.trace import trace
+
+    try:
+        trace(density, name, parameters)
+    except CodegenError as error:
+        raise InputError(str(error)) from None
 
 
 def _match(regulariser: Regulariser, values: Mapping[str, float]) -> dict[str, float]:

@@ -19,6 +19,8 @@ from tmc_vem.errors import InputError
 
 PREFIX = "tmc_"
 DIRECT = "direct"
+# PETSc's error codes for options: not supported, wrong or out of range, of an unknown type, of a missing package
+BAD_OPTION = (56, 60, 62, 63, 86, 92)
 _PRESETS = Path(__file__).parent / "presets"
 
 
@@ -60,7 +62,8 @@ class LinearSolver:
         solver: a preset, or a file of PETSc options.
 
     Raises:
-        InputError: there is no such preset or file.
+        InputError: there is no such preset or file, or PETSc refuses an option's value. A factorisation reads its
+            options when something is solved for the first time, so that :meth:`solve` may raise this too.
     """
 
     def __init__(self, matrix: Any, comm: Any, solver: str = DIRECT) -> None:
@@ -127,6 +130,11 @@ class LinearSolver:
             database.setValue(name, value or None)
         try:
             yield
+        except PETSc.Error as error:
+            if error.ierr not in BAD_OPTION:
+                raise
+            said = str(error).strip().splitlines()[-1].partition("] ")[2]
+            raise InputError(f"PETSc refuses an option of the linear solver (--petsc, --solver FILE): {said}") from None
         finally:
             for name in added:
                 database.delValue(name)
