@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
+from helpers_contact import slow_check
 
 from tmc_vem.fields import Fields, Polygons
 from tmc_vem.report.contact import check_contact
+from tmc_vem.report.distances import closed_gaps, distances_beyond
+from tmc_vem.report.solids import Chains, Solids, solid_cells
 
 
-def state(cells, displacement, regions=None, names=("solid", "medium")):
-    """Fields of cells given by corners, with the side's middles between them; ``displacement``: (n, 2) -> (n, 2)."""
+def state(cells, displacement, regions=None, names=("solid", "medium"), order=2):
+    """Fields of cells given by corners, with nodes along the sides between them; ``displacement``: (n, 2) -> (n, 2)."""
     points, loops = [], []
     for c, corners in enumerate(cells):
         loop = []
         for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
-            for p in (a, tuple(0.5 * (np.array(a) + b))):
+            for p in [a, *(tuple(np.array(a) + n / order * (np.array(b) - a)) for n in range(1, order))]:
                 loop.append(len(points))
                 points.append((*p, c))
         loops.append(loop)
@@ -116,3 +120,164 @@ def test_cells_that_cross_themselves_are_measured_all_the_same():
         lambda p: np.column_stack([np.where(p[:, 1] % 1.5 > 0.6, 1 - 2 * p[:, 0], 0), -1.3 * (p[:, 1] > 1.4)]),
     )
     assert check_contact(twist).overlap_area > 0.0
+
+
+def grid(x, y, n, m, h):
+    """n times m squares of side h."""
+    return [square(x + i * h, y + j * h, h) for i in range(n) for j in range(m)]
+
+
+def skewed(cells, amount, rng):
+    """The same cells with their corners moved, equal ones by equal amounts."""
+    moved = {corner: tuple(corner + amount * rng.uniform(-1, 1, 2)) for cell in cells for corner in cell}
+    return [[moved[corner] for corner in cell] for cell in cells]
+
+
+def waves(rng, amount):
+    """A smooth motion of the plane, not one to one where the amount is large."""
+    k, phase, a = rng.uniform(1.0, 3.0, (4, 2)), rng.uniform(0, 6, 4), rng.normal(0, amount, (4, 2))
+    return lambda p: np.sin(p[:, :2] @ k.T + phase) @ a
+
+
+def turned_strip(rng, order=2):
+    """A strip bent round until its ends nearly meet, meet, or overlap."""
+    cells = grid(0, 0, 8, 1, 1.0)
+    turns = rng.uniform(0.95, 1.03)
+
+    def displacement(p):
+        angle, radius = 2 * np.pi * turns * p[:, 0] / 8, 1.5 + p[:, 1]
+        return np.column_stack([radius * np.sin(angle), 4 - radius * np.cos(angle)]) - p[:, :2]
+
+    return state(cells, displacement, order=order)
+
+
+def two_bodies(rng, amount):
+    """A body that comes down on another, both deformed; a third region is medium."""
+    cells = [grid(0, 0, 4, 2, 0.5), grid(0.1, 1.3, 3, 2, 0.5), grid(3, 0, 1, 1, 1.0)]
+    regions = [n for n, body in enumerate(cells) for _ in body]
+    wave, down = waves(rng, amount), rng.uniform(0.2, 0.4)
+
+    def displacement(p):
+        return wave(p) + np.column_stack([0 * p[:, 0], np.where(p[:, 1] > 1.25, -down, 0.0)])
+
+    return state(
+        skewed([cell for body in cells for cell in body], 0.05, rng),
+        displacement,
+        regions,
+        ("solid", "other", "medium"),
+    )
+
+
+def hidden(rng):
+    """A small body within a large one: their outlines do not cross."""
+    inner = grid(5, 0, 2, 2, 0.2)
+    shift = rng.uniform(-0.2, 0.2, 2)
+    return state(
+        [square(0, 0, 2.0), *inner],
+        lambda p: np.where(p[:, [0]] >= 5, np.array([-4.2, 0.8]) + shift, 0.0) + 0.01 * np.sin(3 * p[:, :2]),
+    )
+
+
+# what makes a state, and the order of its sides
+CASES = {
+    "strip": (turned_strip, 2),
+    "cubic strip": (lambda rng: turned_strip(rng, 3), 3),
+    "bodies": (lambda rng: two_bodies(rng, 0.03), 2),
+    "folded bodies": (lambda rng: two_bodies(rng, 0.4), 2),
+    "hidden body": (hidden, 2),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("seed", range(6))
+def test_against_all_pairs(case, seed):
+    make, order = CASES[case]
+    fields = make(np.random.default_rng(seed))
+    fast, slow = check_contact(fields, order), slow_check(fields, order)
+    assert fast.interpenetrates == slow.interpenetrates
+    assert fast.contact_nodes == slow.contact_nodes
+    assert (fast.penetration_point is None) == (fast.penetration_depth == 0.0)
+    for name in (
+        "overlap_area",
+        "penetration_depth",
+        *(("smallest_gap", "mean_gap", "largest_gap") * (slow.contact_nodes > 0)),
+    ):
+        assert getattr(fast, name) == pytest.approx(getattr(slow, name), rel=1e-8, abs=1e-11), name
+
+
+def test_the_cases_have_all_that_the_check_looks_for():
+    found, crossed = set(), 0
+    for make, order in CASES.values():
+        for seed in range(6):
+            fields = make(np.random.default_rng(seed))
+            report = check_contact(fields, order)
+            found.add((report.interpenetrates, report.contact_nodes > 0))
+            crossed += Solids(fields, solid_cells(fields.polygons), order, 8).crossed().sum()
+    assert found == {(True, True), (True, False), (False, True), (False, False)}
+    assert crossed > 10
+
+
+def test_bodies_that_touch_do_not_overlap():
+    report = check_contact(state([LOWER, UPPER, BETWEEN], lowered(0.5), [0, 0, 1]))
+    assert not report.interpenetrates
+    assert report.contact_nodes == 18
+    assert report.largest_gap == pytest.approx(0.0, abs=1e-15)
+
+
+def test_a_cell_that_winds_twice_crosses_itself():
+    """From its middle all of its outline is seen, counter-clockwise, but twice."""
+    angles = 2 * np.pi * np.arange(10) / 10
+    corners = [(float(x), float(y)) for x, y in zip(np.cos(angles), np.sin(angles), strict=True)]
+
+    def wound(p):
+        angle, radius = 2 * np.arctan2(p[:, 1], p[:, 0]), 1.0 - 0.1 * (p[:, 1] < -1e-9)
+        return radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]) - p[:, :2]
+
+    for displacement, crossed in ((lambda p: 0.1 * p[:, :2], False), (wound, True)):
+        fields = state([corners], displacement)
+        assert Solids(fields, solid_cells(fields.polygons), 2, 8).crossed().tolist() == [crossed]
+
+
+def random_chains(rng, n=40, m=3):
+    """Chains of very different sizes, some of whose points are shared."""
+    before, now = (
+        rng.uniform(0, 1, (n, 1, 2))
+        + rng.choice([0.01, 0.1, 0.3], (n, 1, 1)) * rng.normal(0, 1, (n, m + 1, 2)).cumsum(axis=1)
+        for _ in range(2)
+    )
+    before[1::2, 0], now[1::2, 0] = before[::2, -1], now[::2, -1]
+    return Chains(3 * before, now, np.arange(n))
+
+
+def all_distances(points, chains):
+    """(n_points, n, m)"""
+    pieces = shapely.linestrings(np.stack([chains[:, :-1], chains[:, 1:]], axis=2))
+    return shapely.distance(shapely.points(points)[:, None, None], pieces)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_closed_gaps_against_all_pairs(seed):
+    outline = random_chains(np.random.default_rng(seed))
+    now, before = (all_distances(x[:, :-1].reshape(-1, 2), x) for x in (outline.now, outline.before))
+    ids = outline.ids[:, :-1].reshape(-1, 1, 1)
+    foreign = (ids != outline.ids[:, :-1]) & (ids != outline.ids[:, 1:])
+    for closed, near in ((0.05, 0.5), (0.3, 0.1), (0.3, 3.0), (2.0, 0.2)):
+        counts = (now < closed * before) & (now <= near) & foreign
+        smallest = np.where(counts, now, np.inf).min(axis=(1, 2))
+        expected = smallest[np.unique(ids, return_index=True)[1]]
+        assert np.isfinite(expected).any()
+        assert closed_gaps(outline, closed, near) == pytest.approx(expected[np.isfinite(expected)], rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_distances_beyond_against_all_pairs(seed):
+    rng = np.random.default_rng(seed)
+    outline, body = random_chains(rng), rng.integers(0, 2, 40)
+    where = np.nonzero(rng.random(outline.now.shape[:2]) < 0.5)
+    now, before = (all_distances(x[where], x) for x in (outline.now, outline.before))
+    for own in (0.1, 1.0, 2.0):
+        for bodies in (body, 0 * body):
+            counts = (bodies[where[0]][:, None] != bodies)[..., None] | (before > own)
+            expected = np.where(counts, now, np.inf).min(axis=(1, 2))
+            assert distances_beyond(outline, where, bodies, own) == pytest.approx(expected, rel=1e-12)
+    assert (distances_beyond(outline, where, 0 * body, 1e3) == 0.0).all()

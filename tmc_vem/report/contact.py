@@ -13,17 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.fields import Fields
+from tmc_vem.report.distances import closed_gaps, distances_beyond
+from tmc_vem.report.solids import Chains, Solids, covered, solid_cells
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-MEDIUM = "medium"
 # Points are in contact if they are now closer than this fraction of their distance in the reference state ...
 CLOSED = 0.1
 # ... and than this fraction of the domain's size.
 NEAR = 0.05
 # Overlaps below this fraction of the domain's size squared are rounding of the polygon operations.
 ROUNDING = 1e-12
+EQUAL = 1e-9  # relative difference of depths that are the same but for rounding
 
 
 @dataclass(frozen=True)
@@ -69,34 +71,28 @@ class ContactReport:
         )
 
 
-def check_contact(fields: Fields, order: int = 2, samples: int = 8) -> ContactReport:
+def check_contact(fields: Fields, order: int = 2, pieces: int = 8) -> ContactReport:
     """Check a state for interpenetration and measure the gap along contact.
 
-    Solids are all regions whose name does not start with ``medium``. The displacement along a side is a polynomial
-    through its nodes; with the chords between the nodes alone, bodies that touch along a curve would seem to overlap.
+    Solids are all regions whose name does not start with ``medium``.
 
     Args:
         fields: the whole state; with several ranks, gathered on one.
         order: polynomial degree along the sides, so that each has ``order - 1`` nodes between its vertices.
-        samples: straight pieces for each side.
+        pieces: straight pieces for each side.
 
     Returns:
         The report; without any solid, an empty one.
     """
-    import shapely
-
-    polygons = fields.polygons
-    is_solid = np.array([not name.startswith(MEDIUM) for name in polygons.region_names])[polygons.region_c]
+    is_solid = solid_cells(fields.polygons)
     if not is_solid.any():
         return ContactReport(0.0, 0.0, None, 0, None, None, None)
-    reference, deformed, solid = _sampled(fields, np.flatnonzero(is_solid), order, samples)
-    size = float(np.ptp(reference, axis=0).max())
-    # a cell of a run that went astray may cross itself, which set operations refuse
-    cells = shapely.make_valid(np.array([shapely.Polygon(deformed[loop]) for loop in solid]))
-    sides = _outline(solid)
-    overlap = float(shapely.area(cells).sum() - shapely.area(shapely.union_all(cells)))
-    depth, place = _deepest(cells, solid, sides, reference, deformed, samples)
-    gaps = _gaps(sides, reference, deformed, size)
+    solids = Solids(fields, is_solid, order, pieces)
+    size = solids.size
+    outline = solids.chains(solids.outline())
+    overlap, is_covered_twice = _overlap(solids)
+    depth, place = _deepest(solids, outline) if is_covered_twice else (0.0, None)
+    gaps = closed_gaps(outline, CLOSED, NEAR * size)
     return ContactReport(
         overlap_area=overlap if overlap > ROUNDING * size**2 else 0.0,
         penetration_depth=depth,
@@ -108,98 +104,56 @@ def check_contact(fields: Fields, order: int = 2, samples: int = 8) -> ContactRe
     )
 
 
-def _sampled(fields: Fields, cells: Int, order: int, samples: int) -> tuple[Float, Float, list[Int]]:
-    """Reference and deformed points along the sides of some cells, and the cells as loops of them."""
-    polygons = fields.polygons
-    sides = np.concatenate([_side_nodes(polygons.cell(c), order) for c in cells.tolist()])
-    n_sides = np.diff(polygons.offsets)[cells] // order
-    nodes = np.arange(order + 1) / order
-    at = polygons.points_nx[sides]
-    length = np.hypot(*np.moveaxis(at[:, -1:] - at[:, :1], -1, 0))
-    nodes_sn = np.hypot(*np.moveaxis(at - at[:, :1], -1, 0)) / length  # where the nodes are along their side
-    nodes = nodes_sn[0] if len(nodes_sn) else nodes
-    t = np.arange(samples) / samples
-    lagrange = np.ones((samples, order + 1))
-    for a in range(order + 1):
-        for b in range(order + 1):
-            if a != b:
-                lagrange[:, a] *= (t - nodes[b]) / (nodes[a] - nodes[b])
-    reference = np.einsum("ta,sax->stx", lagrange, at).reshape(-1, 2)
-    moved = at + fields.displacement_ni[sides]
-    deformed = np.einsum("ta,sax->stx", lagrange, moved).reshape(-1, 2)
-    size = float(np.ptp(reference, axis=0).max())
-    rounded = np.round(reference / (1e-9 * size)).astype(np.int64)
-    _, first, label = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
-    loops = np.split(label.reshape(-1), np.cumsum(n_sides * samples)[:-1])
-    return reference[first], deformed[first], loops
+def _overlap(solids: Solids) -> tuple[float, bool]:
+    """Area that cells cover more than once, times how often more; and whether there is any place that they do.
 
-
-def _side_nodes(loop: Int, order: int) -> Int:
-    """Nodes (n_sides, order + 1) of every side, its two vertices included."""
-    inner = loop.reshape(-1, order)
-    nodes: Int = np.column_stack([inner, np.roll(inner[:, 0], -1)])
-    return nodes
-
-
-def _outline(loops: list[Int]) -> Int:
-    """Sides (n, 2) that belong to one of the cells only."""
-    start = np.concatenate(loops)
-    end = np.concatenate([np.roll(loop, -1) for loop in loops])
-    n = int(start.max()) + 1
-    key = np.minimum(start, end) * n + np.maximum(start, end)
-    _, inverse, counts = np.unique(key, return_inverse=True, return_counts=True)
-    once = counts[inverse] == 1
-    return np.column_stack([start[once], end[once]])
-
-
-def _deepest(
-    cells: NDArray[Any], loops: list[Int], sides: Int, reference: Float, deformed: Float, samples: int
-) -> tuple[float, tuple[float, float] | None]:
-    """Depth and place of the outline's point that lies deepest in a cell that it does not belong to.
-
-    The depth is the distance to the outline, without the part that the point itself is on: one side of its own body to
-    either end.
+    A cell whose outline crosses itself (of a run that went astray) covers what it surrounds.
     """
     import shapely
 
-    nodes = np.unique(sides)
-    points = shapely.points(deformed[nodes])
-    node, cell = shapely.STRtree(cells).query(points, predicate="within")
-    inside = {int(nodes[n]): n for n, c in zip(node.tolist(), cell.tolist(), strict=True) if nodes[n] not in loops[c]}
-    now, before = shapely.linestrings(deformed[sides]), shapely.linestrings(reference[sides])
-    body = _bodies(loops, len(reference))
-    own = samples * float(np.hypot(*(reference[sides[:, 1]] - reference[sides[:, 0]]).T).max())
-    depth, place = 0.0, None
-    for v, n in inside.items():
-        others = (body[sides[:, 0]] != body[v]) | (shapely.distance(shapely.points(reference[v]), before) > own)
-        distance = float(shapely.distance(points[n], now[others]).min()) if others.any() else 0.0
-        if distance > depth:
-            depth, place = distance, (float(deformed[v, 0]), float(deformed[v, 1]))
-    return depth, place
+    crossed = solids.crossed()
+    faces, times = covered(solids.chains(solids.outline(~crossed)))
+    areas = shapely.area(faces)
+    area = float(areas @ np.maximum(times - 1, 0))
+    if not crossed.any():
+        return area, bool((times > 1).any())
+    bad = solids.polygons(np.flatnonzero(crossed))
+    good = faces[times > 0]
+    both = float(shapely.area(shapely.union_all(np.concatenate([good, bad]))))
+    return area + float(shapely.area(bad).sum() + areas[times > 0].sum()) - both, True
 
 
-def _bodies(loops: list[Int], n_points: int) -> Int:
-    """Number of the connected body of every point."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+def _deepest(solids: Solids, outline: Chains) -> tuple[float, tuple[float, float] | None]:
+    """Depth and place of the outline's point that lies deepest in a cell that it does not belong to.
 
-    start, end = np.concatenate(loops), np.concatenate([np.roll(loop, -1) for loop in loops])
-    graph = coo_array((np.ones(len(start)), (start, end)), shape=(n_points, n_points))
-    body: Int = connected_components(graph, directed=False)[1]
-    return body
+    The depth is the distance to the outline, without the part that the point itself is on: one side of its own body to
+    either end. Of equally deep points the place is that of the lowest, so that it does not depend on the numbering.
+    """
+    where = _inside(solids, outline)
+    if not len(where[0]):
+        return 0.0, None
+    body = solids.bodies()
+    own = float(np.hypot(*(outline.before[:, -1] - outline.before[:, 0]).T).max())
+    distance = distances_beyond(outline, where, body[outline.cell], own)
+    depth = float(distance.max())
+    if not depth > 0.0:
+        return 0.0, None
+    deepest = outline.now[where][distance >= (1.0 - EQUAL) * depth]
+    x, y = deepest[np.lexsort(deepest.T)[0]]
+    return depth, (float(x), float(y))
 
 
-def _gaps(sides: Int, reference: Float, deformed: Float, size: float) -> Float:
-    """Distances of the outline's nodes to parts of the outline that they have come close to."""
+def _inside(solids: Solids, outline: Chains) -> tuple[Int, Int]:
+    """Points of the outline (side, position in it) that are inside a cell, and not on its outline."""
     import shapely
 
-    nodes = np.unique(sides)
-    now, before = shapely.linestrings(deformed[sides]), shapely.linestrings(reference[sides])
-    node, side = shapely.STRtree(now).query(shapely.points(deformed[nodes]), predicate="dwithin", distance=NEAR * size)
-    distance = shapely.distance(shapely.points(deformed[nodes[node]]), now[side])
-    origin = shapely.distance(shapely.points(reference[nodes[node]]), before[side])
-    closed = (distance < CLOSED * origin) & (sides[side] != nodes[node][:, None]).all(axis=1)
-    smallest = np.full(len(nodes), np.inf)
-    np.minimum.at(smallest, node[closed], distance[closed])
-    found: Float = smallest[np.isfinite(smallest)]
-    return found
+    ids = outline.ids[:, :-1]
+    _, first = np.unique(ids, return_index=True)
+    points = shapely.points(outline.now[:, :-1].reshape(-1, 2)[first])
+    point, cell = shapely.STRtree(solids.boxes()).query(points, predicate="intersects")
+    cells, number = np.unique(cell, return_inverse=True)
+    polygons = solids.polygons(cells)
+    shapely.prepare(polygons)
+    within = shapely.within(points[point], polygons[number])
+    side, position = np.unravel_index(first[np.unique(point[within])], ids.shape)
+    return side, position
