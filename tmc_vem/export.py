@@ -11,7 +11,7 @@ from tmc_vem.errors import InputError
 from tmc_vem.fields import Fields
 from tmc_vem.report.snapshots import nearest, read_fields, snapshots
 from tmc_vem.results import RunResult
-from tmc_vem.units import Units
+from tmc_vem.units import COORDINATES, Units
 
 
 def to_pandas(result: RunResult) -> Any:
@@ -52,7 +52,8 @@ def to_meshio(result: RunResult, load: float = 1.0) -> Any:
 def to_pyvista(result: RunResult, load: float = 1.0) -> Any:
     """Fields of the written load step nearest to a load factor, as a ``pyvista.PolyData`` of the reference state.
 
-    ``mesh.warp_by_vector("displacement")`` deforms it. ``field_data`` has the regions' names and the fields' units.
+    ``mesh.warp_by_vector("displacement")`` deforms it. ``field_data`` has the regions' names and the fields' units,
+    which are also in the arrays' information, as in the VTU files.
 
     Raises:
         InputError: PyVista is not installed, or the run has no fields.
@@ -67,12 +68,12 @@ def to_pyvista(result: RunResult, load: float = 1.0) -> Any:
     for name, values in _cell_data(fields).items():
         mesh.cell_data[name] = values
     mesh.field_data["region_names"] = list(polygons.region_names)
-    mesh.field_data["units"] = [f"{name}: {unit}" for name, unit in _units(result).of_fields().items()]
+    units = Units(**result.inputs.get("units", {})).of_fields()
+    mesh.field_data["units"] = [f"{name}: {unit}" for name, unit in units.items() if name != COORDINATES]
+    for data in (mesh.GetPointData(), mesh.GetCellData()):
+        for array in map(data.GetArray, range(data.GetNumberOfArrays())):
+            array.GetInformation().Set(array.UNITS_LABEL(), units[array.GetName()])
     return mesh
-
-
-def _units(result: RunResult) -> Units:
-    return Units(**result.inputs.get("units", {}))
 
 
 def fields_at(result: RunResult, load: float) -> Fields:

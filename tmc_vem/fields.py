@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.files import write_atomically
+from tmc_vem.units import COORDINATES, Units
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -84,19 +85,28 @@ class Fields:
         )
 
 
-def write_pvtu(path: Path, pieces: Sequence[str]) -> None:
+def units_label(unit: str) -> str:
+    """Element that says the unit of an array of a VTK file; nothing without one."""
+    key = f'<InformationKey name="UNITS_LABEL" location="vtkDataArray">{unit}</InformationKey>'
+    return key if unit else ""
+
+
+def write_pvtu(path: Path, pieces: Sequence[str], units: Units | None = None) -> None:
     """Write the file that puts the pieces of several ranks, of :class:`tmc_vem.vtu.VtuWriter` beside it, together."""
+    unit = {name: units_label(label) for name, label in (units or Units()).of_fields().items()}
     per_cell = "".join(
-        f'      <PDataArray type="{kind}" Name="{name}"/>\n'
+        f'      <PDataArray type="{kind}" Name="{name}">{unit[name]}</PDataArray>\n'
         for name, kind in (("J", "Float64"), ("min_J", "Float64"), ("energy_density", "Float64"), ("region", "Int64"))
     )
     sources = "".join(f'    <Piece Source="{name}"/>\n' for name in pieces)
     path.write_text(
         '<?xml version="1.0"?>\n<VTKFile type="PUnstructuredGrid" version="0.1" byte_order="LittleEndian">\n'
         '  <PUnstructuredGrid GhostLevel="0">\n'
-        '    <PPoints>\n      <PDataArray type="Float64" NumberOfComponents="3"/>\n    </PPoints>\n'
-        '    <PPointData>\n      <PDataArray type="Float64" Name="displacement" NumberOfComponents="3"/>\n'
-        f"    </PPointData>\n    <PCellData>\n{per_cell}    </PCellData>\n{sources}"
+        '    <PPoints>\n      <PDataArray type="Float64" NumberOfComponents="3">'
+        f"{unit[COORDINATES]}</PDataArray>\n    </PPoints>\n"
+        '    <PPointData>\n      <PDataArray type="Float64" Name="displacement" NumberOfComponents="3">'
+        f"{unit['displacement']}</PDataArray>\n    </PPointData>\n"
+        f"    <PCellData>\n{per_cell}    </PCellData>\n{sources}"
         "  </PUnstructuredGrid>\n</VTKFile>\n"
     )
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tmc_vem.fields import Fields, Polygons, write_pvd, write_pvtu
 from tmc_vem.parallel import on_every_rank, on_root
 from tmc_vem.results import COLLECTION, FIELDS
+from tmc_vem.units import Units
 from tmc_vem.vtu import VtuWriter
 
 Float = NDArray[np.float64]
@@ -63,15 +64,19 @@ class SnapshotWriter:
         source: the discretisation.
         directory: run directory.
         loads: coordinates along the load path; the first converged step at or past each is written.
+        units: of the problem.
     """
 
-    def __init__(self, source: FieldSource, directory: Path, loads: tuple[float, ...]) -> None:
+    def __init__(
+        self, source: FieldSource, directory: Path, loads: tuple[float, ...], units: Units | None = None
+    ) -> None:
         self.source = source
         self.directory = directory
         self._pending = sorted(loads)
         self.entries: list[tuple[float, list[str]]] = []
         self._polygons = source.output_polygons()
-        self._writer = VtuWriter(self._polygons)
+        self._units = units or Units()
+        self._writer = VtuWriter(self._polygons, self._units)
 
     def restore(self, entries: Sequence[Sequence[Any]]) -> None:
         """Go on after these load factors and files, which an interrupted run has written."""
@@ -101,5 +106,5 @@ class SnapshotWriter:
 
     def _collect(self, whole: Path, pieces: Sequence[str]) -> None:
         if self.source.comm.size > 1:
-            write_pvtu(whole, pieces)
+            write_pvtu(whole, pieces, self._units)
         write_pvd(self.directory / COLLECTION, self.entries)

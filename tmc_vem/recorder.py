@@ -60,7 +60,7 @@ class Recorder:
         self._seconds_before = 0.0
         self._snapshots: SnapshotWriter | None = None
         if directory is not None and times:
-            self._snapshots = SnapshotWriter(system, directory.path, tuple(times))
+            self._snapshots = SnapshotWriter(system, directory.path, tuple(times), problem.units())
 
     def record(self, step: Step, states: States, position: Position, residual: Any) -> None:
         """Record a converged step; called on all ranks."""

@@ -13,8 +13,16 @@ from tmc_vem.errors import InputError
 from tmc_vem.validation import check_fields, shown
 
 LENGTH, FORCE, ENERGY, STRESS, NONE = "length", "line force", "line energy", "stress", "number"
-# of the fields in VTU files and of the columns of the history; names that end in _ are followed by that of a region
-FIELDS = {"displacement": LENGTH, "J": NONE, "min_J": NONE, "energy_density": STRESS, "region": NONE}
+# of the arrays in VTU files and of the columns of the history; names that end in _ are followed by that of a region
+COORDINATES = "Points"
+FIELDS = {
+    COORDINATES: LENGTH,
+    "displacement": LENGTH,
+    "J": NONE,
+    "min_J": NONE,
+    "energy_density": STRESS,
+    "region": NONE,
+}
 COLUMNS = {"displacement": LENGTH, "reaction": FORCE, "energy_": ENERGY, "min_j_": NONE}
 _WORD = re.compile(r"[^\[\]\"<>&\s]{1,20}")
 
@@ -55,7 +63,7 @@ class Units:
         }[kind]
 
     def of_fields(self) -> dict[str, str]:
-        """Units of the fields in VTU files by name."""
+        """Units of the arrays in VTU files by name."""
         return {name: self.of(kind) for name, kind in FIELDS.items()}
 
     def of_columns(self, columns: Iterable[str], probes: Mapping[str, str]) -> dict[str, str]:

@@ -3,6 +3,9 @@
 The grid is the same in all files of a run: it is compressed once. Displacements and values of cells hardly shrink (by a
 quarter to a half, most of it zeros), and compressing them would take ten times as long as all the rest: they are only
 stored in that format.
+
+Arrays carry their units as VTK has it, in the information key UNITS_LABEL. The unit system as text in FieldData would
+keep meshio from reading the file.
 """
 
 from __future__ import annotations
@@ -17,8 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.fields import Fields, Polygons
+from tmc_vem.fields import Fields, Polygons, units_label
 from tmc_vem.files import whole_file
+from tmc_vem.units import COORDINATES, Units
 
 POLYGON = 7  # VTK's number of the cell type
 BLOCK = 1 << 20  # bytes that are compressed as one, of any number of arrays
@@ -28,9 +32,10 @@ TYPES = {"f8": "Float64", "i8": "Int64", "u1": "UInt8"}
 
 @dataclass(frozen=True)
 class _Array:
-    """An array as it stands in a file: attributes of its element, and its bytes."""
+    """An array as it stands in a file: attributes of its element, its unit, which may be empty, and its bytes."""
 
     attributes: str
+    unit: str
     data: Sequence[bytes]
 
     @property
@@ -44,22 +49,26 @@ class VtuWriter:
 
     Args:
         polygons: the cells.
+        units: of the problem.
     """
 
-    def __init__(self, polygons: Polygons) -> None:
+    def __init__(self, polygons: Polygons, units: Units | None = None) -> None:
+        self._units = (units or Units()).of_fields()
         sizes = np.diff(polygons.offsets)
         self._counts = f'NumberOfPoints="{len(polygons.points_nx)}" NumberOfCells="{polygons.n_cells}"'
         self._order = np.argsort(sizes, kind="stable")  # readers like cells with equally many points together
         first, ordered = polygons.offsets[:-1][self._order], sizes[self._order]
         ends = np.cumsum(ordered)
         entries = np.arange(len(polygons.connectivity)) + np.repeat(first - (ends - ordered), ordered)
-        self._points = _array("Points", _in_space(polygons.points_nx), COMPRESSED)
+        unit = self._units[COORDINATES]
+        self._points = _array("Points", _in_space(polygons.points_nx), COMPRESSED, unit)
         self._cells = [
             _array("connectivity", polygons.connectivity[entries].astype(np.int64), COMPRESSED),
             _array("offsets", ends.astype(np.int64), COMPRESSED),
             _array("types", np.full(polygons.n_cells, POLYGON, np.uint8), COMPRESSED),
         ]
-        self._region = _array("region", polygons.region_c[self._order].astype(np.int64), COMPRESSED)
+        region = polygons.region_c[self._order].astype(np.int64)
+        self._region = _array("region", region, COMPRESSED, self._units["region"])
 
     def write(self, path: Path, fields: Fields) -> None:
         """Write a state; warp by ``displacement`` in ParaView.
@@ -72,18 +81,22 @@ class VtuWriter:
             OSError: it could not be written.
         """
         values = {"J": fields.jacobian_c, "min_J": fields.min_jacobian_c, "energy_density": fields.energy_density_c}
-        per_cell = [_array(name, value[self._order], STORED) for name, value in values.items()]
+        per_cell = [_array(name, value[self._order], STORED, self._units[name]) for name, value in values.items()]
+        moved = _array("displacement", _in_space(fields.displacement_ni), STORED, self._units["displacement"])
         groups = {
             "Points": [self._points],
             "Cells": self._cells,
-            "PointData": [_array("displacement", _in_space(fields.displacement_ni), STORED)],
+            "PointData": [moved],
             "CellData": [*per_cell, self._region],
         }
         offset, elements = 0, []
         for group, arrays in groups.items():
             elements.append(f"      <{group}>\n")
             for array in arrays:
-                elements.append(f'        <DataArray {array.attributes} format="appended" offset="{offset}"/>\n')
+                elements.append(
+                    f'        <DataArray {array.attributes} format="appended" offset="{offset}">'
+                    f"{units_label(array.unit)}</DataArray>\n"
+                )
                 offset += array.size
             elements.append(f"      </{group}>\n")
         head = (
@@ -100,13 +113,13 @@ class VtuWriter:
             file.write(b"\n  </AppendedData>\n</VTKFile>\n")
 
 
-def _array(name: str, values: NDArray[Any], level: int) -> _Array:
+def _array(name: str, values: NDArray[Any], level: int, unit: str = "") -> _Array:
     """Values (n,) or (n, components) as blocks, after their number, their size, the last one's, and what they take."""
     components = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else ""
     plain = np.ascontiguousarray(values).tobytes()
     blocks = [zlib.compress(plain[start : start + BLOCK], level) for start in range(0, len(plain), BLOCK)]
     head = np.array([len(blocks), BLOCK, len(plain) % BLOCK, *map(len, blocks)], np.uint64)
-    return _Array(f'type="{TYPES[values.dtype.str[1:]]}" Name="{name}"{components}', [head.tobytes(), *blocks])
+    return _Array(f'type="{TYPES[values.dtype.str[1:]]}" Name="{name}"{components}', unit, [head.tobytes(), *blocks])
 
 
 def _in_space(plane: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import pyvista
 from helpers_process import tmc
 
 EXAMPLES = Path(__file__).parents[2] / "demos" / "problems"
@@ -52,6 +53,10 @@ def test_probes_do_not_depend_on_the_ranks(name: str, ranks: int, method: str, f
     assert found["probes"] == pytest.approx(expected["probes"], rel=1e-7, abs=1e-10)
     assert found["reaction"] == pytest.approx(expected["reaction"], rel=1e-7)
     assert (found["n_dofs"], found["steps"]) == (expected["n_dofs"], expected["steps"])
+    whole = pyvista.read(max((folder / f"{name}-{method}-{ranks}" / "fields").glob("*.pvtu")))
+    moved = whole.GetPointData().GetArray("displacement")
+    assert whole.n_cells == expected["n_cells"]
+    assert moved.GetInformation().Get(moved.UNITS_LABEL()) == {"seal": "mm", "gripper": "cm"}[name]
 
 
 def test_a_point_outside_of_the_mesh_is_said_once_on_two_ranks(tmp_path: Path) -> None:

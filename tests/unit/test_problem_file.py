@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import pyvista
 from helpers_process import tmc
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tmc_vem import RunResult
 from tmc_vem.cli.main import _run
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.geometry import areas
@@ -185,6 +187,11 @@ def test_probes_and_units_reach_summary_history_and_report(method: str, tmp_path
     header, first, *_ = (out / "history.csv").read_text().splitlines()
     assert "height [cm],side [cm],held [kN/cm],squeezed,reaction [kN/cm]" in header
     assert len(first.split(",")) == len(header.split(","))
+    fields = RunResult.read(out).to_pyvista()
+    written = pyvista.read(max((out / "fields").glob("*.vtu")))
+    for data in (fields, written):
+        density = data.GetCellData().GetArray("energy_density")
+        assert density.GetInformation().Get(density.UNITS_LABEL()) == "kN/cm^2"
     drawn = tmc("plot", str(out))
     assert drawn.returncode == 0, drawn.stderr
     assert "probes-1.png" in drawn.stdout

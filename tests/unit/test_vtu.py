@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import pyvista
 
-from tmc_vem.fields import Fields, Polygons
+from tmc_vem.fields import Fields, Polygons, write_pvtu
+from tmc_vem.units import Units
 from tmc_vem.vtu import BLOCK, VtuWriter
 
 
@@ -73,3 +74,33 @@ def test_states_of_one_grid_share_its_bytes_and_differ_in_theirs(tmp_path: Path)
     np.testing.assert_array_equal(one.cell_connectivity, two.cell_connectivity)
     np.testing.assert_array_equal(2 * one["displacement"], two["displacement"])
     np.testing.assert_array_equal(one["energy_density"] + 1, two["energy_density"])
+
+
+def labels(data: pyvista.DataSet) -> dict[str, str]:
+    """Units that VTK has read, by the name of the array."""
+    found = {"Points": data.GetPoints().GetData()}
+    for group in (data.GetPointData(), data.GetCellData()):
+        for n in range(group.GetNumberOfArrays()):
+            found[group.GetArrayName(n)] = group.GetArray(n)
+    return {name: array.GetInformation().Get(array.UNITS_LABEL()) for name, array in found.items()}
+
+
+EXPECTED = {"Points": "mm", "displacement": "mm", "J": "1", "min_J": "1", "energy_density": "N/mm^2", "region": "1"}
+
+
+def test_vtk_reads_the_units_of_every_array(tmp_path: Path) -> None:
+    state = fields(MIXED)
+    VtuWriter(state.polygons, Units("mm", "N")).write(tmp_path / "a.vtu", state)
+    assert labels(pyvista.read(tmp_path / "a.vtu")) == EXPECTED
+    VtuWriter(state.polygons).write(tmp_path / "b.vtu", state)
+    assert labels(pyvista.read(tmp_path / "b.vtu"))["energy_density"] == "force/length^2"
+
+
+def test_vtk_reads_the_units_of_pieces_put_together(tmp_path: Path) -> None:
+    first, second = fields(MIXED), fields([4, 4, 5])
+    for name, state in (("a_0.vtu", first), ("a_1.vtu", second)):
+        VtuWriter(state.polygons, Units("mm", "N")).write(tmp_path / name, state)
+    write_pvtu(tmp_path / "a.pvtu", ["a_0.vtu", "a_1.vtu"], Units("mm", "N"))
+    whole = pyvista.read(tmp_path / "a.pvtu")
+    assert whole.n_cells == len(MIXED) + 3
+    assert labels(whole) == EXPECTED

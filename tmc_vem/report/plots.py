@@ -17,6 +17,7 @@ from tmc_vem.results import RunResult, StepRecord
 COLOURS = ("#0b5394", "#c55a11", "#2e7d32", "#7b1fa2", "#5d4037", "#00838f")
 MARKS = "osD^vP"
 MOST_TICKS = 7
+DISPLACEMENT = "prescribed displacement, magnitude"
 PANELS = 3  # of probes beside one another
 
 Runs = Mapping[str, RunResult]
@@ -46,7 +47,7 @@ def against_load(axes: Any, runs: Runs, value: Callable[[StepRecord], float | No
         points = [(abs(record.displacement), v) for record in run.history if (v := value(record)) is not None]
         if points:
             axes.plot(*np.transpose(points), label=name, **_style(n))
-    axes.set_xlabel(with_unit("prescribed displacement, magnitude", runs, "displacement"))
+    axes.set_xlabel(with_unit(DISPLACEMENT, runs, "displacement"))
     axes.set_ylabel(label)
 
 
@@ -71,6 +72,8 @@ def probe_pictures(runs: Runs) -> list[Picture]:
         figure, axes = _figure(len(some), height=3.2, width=10.0 if len(some) > 1 else 5.5)
         for one, name in zip(axes, some, strict=True):
             against_load(one, runs, _probe(name), with_unit(name, runs, name))
+            one.set_xlabel("")
+        figure.supxlabel(with_unit(DISPLACEMENT, runs, "displacement"), fontsize=10)
         if len(runs) > 1:
             axes[0].legend(fontsize=8, frameon=False)
         pictures.append(picture(figure, f"probes-{first // PANELS + 1}", f"{', '.join(some)} during loading."))
