@@ -12,7 +12,7 @@ export OMPI_MCA_rmaps_base_oversubscribe := 1
 demo: .venv/.ready ## solve the box; show gap, picture and where the report is
 	$(PYTHON) demos/demo_box.py
 
-test: .venv/.ready ## unit tests, MPI on 1 to 3 ranks, demos --quick
+test: .venv/.ready ## unit tests, MPI on 1 to 4 ranks, demos --quick
 	$(PYTHON) -m pytest -m "not slow and not paper"
 
 test-slow: .venv/.ready ## longer checks

@@ -185,6 +185,28 @@ def test_two_ranks_print_once_and_write_pieces(tmp_path: Path) -> None:
     assert (out / "deformed.png").exists()
 
 
+def test_summary_on_two_ranks_has_no_codes_for_a_terminal() -> None:
+    done = tmc("run", "box", *SHORT, ranks=2)
+    assert done.returncode == 0, done.stderr
+    assert "reaction" in done.stdout
+    assert "\x1b" not in done.stdout
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("cbox", "--uy", "-0.01"),
+        ("punch", "--size", "0.25", "--uy", "-0.01"),
+        ("bodies", "--size", "0.15", "--uy", "0.01"),
+    ],
+)
+def test_every_benchmark_has_a_mesh_for_finite_elements(arguments: tuple[str, ...]) -> None:
+    done = tmc("run", *arguments, "--method", "fem", "--steps", "1", "--json")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert (result["complete"], result["inputs"]["method"]) == (True, "fem")
+
+
 def test_bad_input_on_two_ranks_is_said_once() -> None:
     done = tmc("run", "box", "--l", "2", ranks=2)
     assert done.returncode != 0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
@@ -11,6 +13,13 @@ from tmc_vem.errors import InputError
 
 # longer values make no column
 WIDEST = 24
+# columns that a narrow terminal keeps, and the order in which others are kept; one that is not named comes last
+RESULTS = ("load", "gap", "reaction")
+IMPORTANT = (
+    *RESULTS, "problem", "method", "cells", "gamma", "alpha_r", "regulariser", "uy", "iterations", "time (s)", "dofs",
+)  # fmt: skip
+# width of what does not go to a terminal: no line is broken, so that other programs can read it
+WHOLE = 10_000
 
 
 @click.command("list")
@@ -46,19 +55,53 @@ def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
         click.echo(f"no runs below {directory}")
         return
     differ, values = differing(runs)
-    columns = [[row[n] for row in values.values()] for n in range(len(differ))]
-    shown = [n for n, column in enumerate(columns) if "–" not in column and max(map(len, column)) <= WIDEST]
-    names = [differ[n] for n in shown]
-    table = Table(box=SIMPLE, pad_edge=False)
-    for heading in ("run", *names, "load", "gap", "reaction", "dofs", "iterations", "time (s)"):
-        table.add_column(heading, overflow="fold")
-    for name, run in runs.items():
-        inputs = [values[name][n] for n in shown]
-        table.add_row(
-            name, *inputs, reached(run), number(run.gap, 5), number(run.reaction, 5), str(run.n_dofs),
-            str(run.newton_iterations), f"{run.seconds['total']:.1f}",
-        )  # fmt: skip
+    columns = [Column(name, [row[n] for row in values.values()]) for n, name in enumerate(differ)]
+    columns = [c for c in columns if "–" not in c.cells and max(map(len, c.cells)) <= WIDEST]
+    columns += [
+        Column("load", [reached(run) for run in runs.values()]),
+        Column("gap", [number(run.gap, 5) for run in runs.values()]),
+        Column("reaction", [number(run.reaction, 5) for run in runs.values()]),
+        Column("dofs", [str(run.n_dofs) for run in runs.values()]),
+        Column("iterations", [str(run.newton_iterations) for run in runs.values()]),
+        Column("time (s)", [f"{run.seconds['total']:.1f}" for run in runs.values()]),
+    ]
     console = Console()
-    if not console.is_terminal:
-        console = Console(width=240)
-    console.print(table)
+    first = Column("run", list(runs))
+    shown = columns if not console.is_terminal else fitting(columns, console.width - first.width)
+    table = Table(box=SIMPLE, pad_edge=False)
+    table.add_column(first.heading, overflow="fold")
+    for column in shown:
+        table.add_column(column.heading, no_wrap=True)
+    for row in zip(first.cells, *(column.cells for column in shown), strict=True):
+        table.add_row(*row)
+    (console if console.is_terminal else Console(width=WHOLE)).print(table)
+    if left_out := [column.heading for column in columns if column not in shown]:
+        click.echo(f"not shown, the terminal is too narrow: {', '.join(left_out)}; --csv has all")
+
+
+@dataclass(frozen=True)
+class Column:
+    """Heading and cells of a table's column."""
+
+    heading: str
+    cells: list[str]
+
+    @property
+    def width(self) -> int:
+        """Characters that it needs, with what is between it and the next."""
+        return max(map(len, (self.heading, *self.cells))) + 3
+
+    @property
+    def rank(self) -> int:
+        """Place in the order of importance."""
+        leaf = self.heading.rpartition(".")[2]
+        return IMPORTANT.index(leaf) if leaf in IMPORTANT else len(IMPORTANT)
+
+
+def fitting(columns: Sequence[Column], width: int) -> list[Column]:
+    """The most important columns that fit into a width, in their order; the results always."""
+    kept: list[Column] = []
+    for column in sorted(columns, key=lambda column: column.rank):
+        if column.heading in RESULTS or sum(c.width for c in (*kept, column)) <= width:
+            kept.append(column)
+    return [column for column in columns if column in kept]

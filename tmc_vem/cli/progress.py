@@ -68,7 +68,8 @@ def print_summary(result: RunResult) -> None:
     table.add_column(justify="left")
     for name, value in summary_rows(result):
         table.add_row(name, value)
-    Console().print(table)
+    # mpirun gives each rank a terminal of its own, whatever its output goes to
+    Console(force_terminal=False if result.parallel.get("ranks", 1) > 1 else None).print(table)
 
 
 def summary_rows(result: RunResult) -> list[tuple[str, str]]:

@@ -172,15 +172,13 @@ def box(cells: tuple[int, int], cell_kind: str, refine_medium: int, uy: float, *
     "--mesh",
     "solid_cells",
     type=click.Choice(["polygons", "quadrilaterals"]),
-    default="polygons",
-    show_default=True,
-    help="Cells of the solid; the medium has quadrilaterals.",
+    help="Cells of the solid; the medium has quadrilaterals. Default: polygons, with --method fem quadrilaterals.",
 )
 @click.option("--refine-medium", default=1, show_default=True, help="Divide edges of the medium; the paper: 1 and 2.")
 @click.option("--uy", type=float, default=-0.5, show_default=True, help="Displacement of the upper right corner.")
 @angle_medium_options(gamma=1e-5, alpha_r=1.0)
 @method_options
-def cbox(cells: tuple[int, int], solid_cells: str, refine_medium: int, uy: float, **options: Any) -> None:
+def cbox(cells: tuple[int, int], solid_cells: str | None, refine_medium: int, uy: float, **options: Any) -> None:
     """Self-contact of the C-box (section 5.2 of Xu & Wriggers).
 
     The tip of the upper arm is pushed down onto the lower arm. Examples:
@@ -191,7 +189,8 @@ def cbox(cells: tuple[int, int], solid_cells: str, refine_medium: int, uy: float
     """
     from tmc_vem.problems import CBox
 
-    solve(lambda medium: CBox(cells, refine_medium, solid_cells, medium, uy=uy), options)
+    chosen = solid_cells or ("quadrilaterals" if options["method"] == "fem" else "polygons")
+    solve(lambda medium: CBox(cells, refine_medium, chosen, medium, uy=uy), options)
 
 
 @run_group.command("punch")
@@ -202,7 +201,8 @@ def cbox(cells: tuple[int, int], solid_cells: str, refine_medium: int, uy: float
 @angle_medium_options(gamma=1e-4, alpha_r=1.0)
 @method_options
 def punch(size: float, stiffness: float, gap0: float, uy: float, **options: Any) -> None:
-    """Round punch pressed into a block (section 5.3 of Xu & Wriggers). Examples:
+    """Round punch pressed into a block (section 5.3 of Xu & Wriggers), on Voronoi cells or, with --method fem, on
+    triangles of the same size (then best with --interior-penalty penalty). Examples:
 
     \b
       tmc-vem run punch --uy -1.3 --out runs/punch
@@ -210,7 +210,7 @@ def punch(size: float, stiffness: float, gap0: float, uy: float, **options: Any)
     """
     from tmc_vem.problems import Punch
 
-    solve(lambda medium: Punch(size, stiffness, gap0, medium, uy=uy), options)
+    solve(lambda medium: _with_cells(Punch(size, stiffness, gap0, medium, uy=uy), options), options)
 
 
 @run_group.command("bodies")
@@ -222,7 +222,8 @@ def punch(size: float, stiffness: float, gap0: float, uy: float, **options: Any)
 @angle_medium_options(gamma=1e-4, alpha_r=10.0)
 @method_options
 def bodies(case: int, size: float, discs: int, gap0: float, uy: float, **options: Any) -> None:
-    """A beam between seven half discs (section 5.4 of Xu & Wriggers). Examples:
+    """A beam between seven half discs (section 5.4 of Xu & Wriggers), on Voronoi cells or, with --method fem, on
+    triangles of the same size (then best with --interior-penalty penalty). Examples:
 
     \b
       tmc-vem run bodies --case 1 --out runs/bodies-1
@@ -230,7 +231,14 @@ def bodies(case: int, size: float, discs: int, gap0: float, uy: float, **options
     """
     from tmc_vem.problems import Bodies
 
-    solve(lambda medium: Bodies(case, size, discs, gap0, medium, uy=uy), options)
+    solve(lambda medium: _with_cells(Bodies(case, size, discs, gap0, medium, uy=uy), options), options)
+
+
+def _with_cells(problem: Any, options: dict[str, Any]) -> Any:
+    """A problem of Voronoi cells on cells that the method can use, as in ``tmc-vem compare``."""
+    from tmc_vem.triangulated import Triangulated
+
+    return Triangulated(problem, problem.size) if options["method"] == "fem" else problem
 
 
 def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
