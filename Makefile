@@ -6,6 +6,7 @@ export OMP_NUM_THREADS := 1
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMPI_MCA_rmaps_base_oversubscribe := 1
+export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 
 .PHONY: demo test test-slow test-paper test-trixie lint format bench bench-page golden docs pictures linkcheck setup clean
 
@@ -21,7 +22,7 @@ test-slow: .venv/.ready ## longer checks
 test-paper: .venv/.ready ## figures of the paper
 	$(PYTHON) -m pytest -m paper
 
-test-trixie: ## FEM tests on Debian 13 with dolfinx 0.9, in a chroot; needs root
+test-trixie: ## tests on Debian 13 with dolfinx 0.9, in a chroot; needs root, ten minutes
 	./scripts/test-trixie.sh
 
 lint: .venv/.ready ## style and types

@@ -165,17 +165,24 @@ class _Worker:
     log: IO[bytes]
     load: float = 0.0
     error: str = ""
+    began: bool = False
 
 
 @dataclass
 class _Pool:
-    """Processes at work and what they have reported."""
+    """Processes at work and what they have reported.
+
+    A process that dies before it has begun is started once more: starting Open MPI fails now and then where many
+    processes begin and end.
+    """
 
     todo: list[Job]
     directory: Path
     processes: int
     observer: Observer
     done: dict[str, Outcome]
+    waiting: list[Job] = field(default_factory=list)
+    again: list[Job] = field(default_factory=list)
     running: list[_Worker] = field(default_factory=list)
     events: queue.SimpleQueue[tuple[_Worker, dict[str, Any] | None]] = field(default_factory=queue.SimpleQueue)
     finished_cost: float = 0.0
@@ -183,17 +190,19 @@ class _Pool:
 
     def run(self) -> None:
         self.total_cost = sum(job.cost for job in self.todo)
-        waiting = list(self.todo)
+        self.waiting = list(self.todo)
         try:
-            while waiting or self.running:
-                while waiting and len(self.running) < self.processes:
-                    worker = self._start(waiting.pop(0))
+            while self.waiting or self.running:
+                while self.waiting and len(self.running) < self.processes:
+                    worker = self._start(self.waiting.pop(0))
                     self.running += [worker] if worker else []
                 if not self.running:
                     break
                 worker, message = self.events.get()
                 if message is None:
                     self._collect(worker)
+                elif not worker.began:
+                    worker.began = True
                 else:
                     worker.load = message.get("load", worker.load)
                     worker.error = message.get("error", worker.error)
@@ -240,6 +249,11 @@ class _Pool:
         code = worker.process.wait()
         self.running.remove(worker)
         outcome = _found(worker.job, self.directory)
+        if outcome is None and not worker.began and worker.job not in self.again:
+            worker.log.close()
+            self.again.append(worker.job)
+            self.waiting.insert(0, worker.job)
+            return
         if outcome is None:
             worker.log.seek(0)
             lines = worker.log.read().decode(errors="replace").strip().splitlines()

@@ -25,7 +25,7 @@ def main() -> int:
 
     import petsc4py
 
-    petsc4py.init([sys.argv[0]])
+    petsc4py.init(["tmc-vem"])
     from dataclasses import replace
 
     from codegen.errors import CodegenError
@@ -41,6 +41,7 @@ def main() -> int:
             """A load step has converged."""
             _tell(load=record.load)
 
+    _tell(began=True)
     # runs of a batch are short, and begin anew when they are cut off
     options = replace(options, checkpoint_every=0)
     try:

@@ -121,7 +121,9 @@ def voronoi_study(
 
 
 def _named(medium: Medium) -> str:
-    return f"gamma = {medium.gamma:g}, alpha_r = {medium.alpha_r:g}"
+    values = medium.as_dict()
+    own = "".join(f", {name} = {value:g}" for name, value in values.get("parameters", {}).items())
+    return f"gamma = {medium.gamma:g}, alpha_r = {medium.alpha_r:g}, regulariser {values['regulariser']}{own}"
 
 
 def compare(

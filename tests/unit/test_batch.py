@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers_process import clean_environment
@@ -82,14 +83,31 @@ def test_a_run_that_was_cut_off_is_done_again(tmp_path: Path) -> None:
 
 def test_a_failure_does_not_stop_the_others(tmp_path: Path) -> None:
     user_file = tmp_path / "broken.py"
-    user_file.write_text("def broken(F, G, p, m):\n    return m.sqrt(p.kappa) * G[0][0][0] ** 2\n")
-    medium = Medium(regulariser=f"{user_file}:broken", parameters={"kappa": 1.0})
-    bad = Job("bad", Box(cells=(20, 5), medium=medium), FAST)
-    user_file.write_text("def broken(F, G, p, m):\n    return 1 / 0\n")
+    user_file.write_text("def broken(F, G, p, m):\n    return m.sqrt(F[0][0] - 2) * G[0][0][0] ** 2\n")
+    bad = Job("bad", Box(cells=(20, 5), medium=Medium(regulariser=f"{user_file}:broken")), FAST)
     outcomes = run_batch([bad, job()], tmp_path / "runs")
     assert outcomes[0].result is None
-    assert "zero" in outcomes[0].error
+    assert "no finite number" in outcomes[0].error
     assert outcomes[1].result is not None
+
+
+@pytest.mark.parametrize("deaths", [1, 2])
+def test_a_process_that_dies_before_it_begins_is_started_once_more(
+    deaths: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    commands = []
+
+    def start(command: list[str], **options: Any) -> subprocess.Popen[bytes]:
+        commands.append(command)
+        dies = [sys.executable, "-c", "import sys; sys.exit('no session directory')"]
+        return genuine(dies if len(commands) <= deaths else command, **options)
+
+    genuine = subprocess.Popen
+    monkeypatch.setattr("tmc_vem.batch.subprocess.Popen", start)
+    (outcome,) = run_batch([job()], tmp_path)
+    assert len(commands) == 2
+    assert outcome.error == ("" if deaths == 1 else "no session directory")
+    assert (outcome.result is None) == (deaths == 2)
 
 
 def test_two_batches_do_not_share_a_directory(tmp_path: Path) -> None:

@@ -275,7 +275,11 @@ def test_meshes_from_files(tmp_path: Path, kind: str) -> None:
         ('"frame - base - plug"', '"frame - base"', ("'plug' and 'medium' overlap",)),
         ('"triangles"', '"hexagons"', ("mesh", "hexagons", "voronoi, triangles")),
         ("tip = [0.5, 0.5]", "tip = [0.5]", ("points: tip", "a list of 2")),
-        ("tip = [0.5, 0.5]", "tip = [0.5, 0.6]", ("named point 'tip'", "no region's outline")),
+        (
+            "tip = [0.5, 0.5]",
+            "tip = [0.5, 0.6]",
+            ("named point 'tip'", "no region's outline: the nearest place on one is (0.5, 0.5)"),
+        ),
         ('gap = ["tip", "ground"]', 'gap = ["tip", "floor"]', ("no named point 'floor'", "ground, tip")),
         (
             'gap = ["tip", "ground"]',

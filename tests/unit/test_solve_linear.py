@@ -15,6 +15,12 @@ from tmc_vem.solve.linear import LinearSolver, preset_names, read_options
 FACTORISING = ("direct", "reproducible")
 
 
+def available() -> list[str]:
+    """Presets that this PETSc can do: Debian 13's has no ML."""
+    missing = () if PETSc.Sys.hasExternalPackage("ml") else ("iterative",)
+    return [preset for preset in preset_names() if preset not in missing]
+
+
 def matrix(diagonal: Any) -> Any:
     """A tridiagonal matrix with ones beside the diagonal."""
     n = len(diagonal)
@@ -37,7 +43,7 @@ def solved(solver: LinearSolver, made: Any) -> tuple[bool, float]:
     return worked, float(np.abs(out.getArray() - exact.getArray()).max())
 
 
-@pytest.mark.parametrize("preset", preset_names())
+@pytest.mark.parametrize("preset", available())
 def test_presets_solve_and_notice_new_values(preset: str) -> None:
     made = matrix(np.full(30, 4.0))
     solver = LinearSolver(made, PETSc.COMM_SELF, preset)

@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from tmc_vem.cli.run import angle_medium_options, medium_options, parse_parameters
-from tmc_vem.errors import InputError
+from tmc_vem.errors import InputError, TmcError
 
 FACTORS, QUICK_FACTORS = (1, 2, 4), (1, 2, 3)
 
@@ -209,8 +209,10 @@ def _compare(study: Any, out: Path, jobs: int) -> None:
     finally:
         monitor.close()
     for method in comparison.methods:
-        click.echo(f"{method.name}: {method.converged or 'no mesh-converged gap'}")
+        click.echo(f"{method.name}, mesh-converged gap: {method.converged or 'none, see the report'}")
     click.echo(f"report: {report}")
+    if comparison.failures:
+        raise TmcError(f"{len(comparison.failures)} of {len(study.jobs())} runs gave no result; the report says why")
 
 
 def command_line() -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import sys
 
 import click
 
@@ -22,7 +21,7 @@ def info() -> None:
     """Print versions and what is available on this machine."""
     import petsc4py
 
-    petsc4py.init([sys.argv[0]])
+    petsc4py.init(["tmc-vem"])
     from mpi4py import MPI
 
     from codegen.build import cache_directory, compiler

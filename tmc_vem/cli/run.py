@@ -13,6 +13,7 @@ import click
 from tmc_vem.cli.run_file import RunGroup
 from tmc_vem.errors import InputError
 
+PROGRAM = "tmc-vem"
 RESUME = "tmc_vem.resume"  # key in a context's meta: the run goes on from its checkpoint
 
 
@@ -284,7 +285,7 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
         InputError, CodegenError: bad input.
         ConvergenceError: the full load was not reached; what converged is in the run directory.
     """
-    _start_petsc(options["petsc"])
+    _start_petsc(options["petsc"], clean_stdout=options["as_json"])
     from mpi4py import MPI
 
     from tmc_vem.cli.progress import ConsoleMonitor, print_summary
@@ -406,7 +407,12 @@ def _petsc_words(options: str) -> list[str]:
     return words
 
 
-def _start_petsc(options: str) -> None:
+def _start_petsc(options: str, clean_stdout: bool) -> None:
+    """Start PETSc; its list of unused options, which newer versions print at the end, may be suppressed.
+
+    Raises:
+        InputError: petsc4py is missing, or the options are not written as options.
+    """
     words = _petsc_words(options)
     try:
         import petsc4py
@@ -415,4 +421,5 @@ def _start_petsc(options: str) -> None:
             "petsc4py is not available to this Python: install it ('apt-get install python3-petsc4py-real' on Debian) "
             "and make the environment with --system-site-packages"
         ) from None
-    petsc4py.init([sys.argv[0], *words])
+    # where Python was started with -c, argv[0] would be an option to PETSc
+    petsc4py.init([PROGRAM, *words, *(["-options_left", "0"] if clean_stdout else [])])

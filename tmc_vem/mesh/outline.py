@@ -216,8 +216,14 @@ def make_skeleton(regions: Sequence[Region], size: Size, points: Mapping[str, Po
         corners.number((end[0], end[1]))
     names = {}
     for name, place in (points or {}).items():
-        if min(curve.parameter_of(place)[1] for curve in curves) > tolerance:
-            raise InputError(f"named point '{name}' at ({place[0]:g}, {place[1]:g}) is on no region's outline")
+        nearest = min(curves, key=lambda curve: curve.parameter_of(place)[1])
+        t, distance = nearest.parameter_of(place)
+        if distance > tolerance:
+            x, y = nearest.at(np.array([t]))[0]
+            raise InputError(
+                f"named point '{name}' at ({place[0]:g}, {place[1]:g}) is on no region's outline: the nearest place on "
+                f"one is ({x:.12g}, {y:.12g})"
+            )
         names[name] = corners.number(place)
 
     pieces: dict[tuple[int, int, float, float], Curve] = {}
