@@ -52,26 +52,32 @@ int64_t tmc_max_step(const tmc_batch *batch, const double *u_ni, const double *d
 int64_t tmc_positions(int64_t n_cells, int n_basis, const int32_t *nodes_ca, const int64_t *row_start_n,
                       const int32_t *row_length_n, const int32_t *column_n, const int32_t *columns,
                       int32_t *position_cab) {
-  for (int64_t c = 0; c < n_cells; ++c) {
+  int32_t *order_b = malloc((size_t)n_basis * sizeof *order_b); /* the cell's nodes by column */
+  if (!order_b) return -2;
+  int64_t c = 0;
+  for (int missing = 0; c < n_cells; ++c) {
     const int32_t *nodes_a = nodes_ca + c * n_basis;
     for (int a = 0; a < n_basis; ++a) {
-      const int64_t start = row_start_n[nodes_a[a]];
-      for (int b = 0; b < n_basis; ++b) {
-        const int32_t wanted = column_n[nodes_a[b]];
-        int64_t low = start, high = start + row_length_n[nodes_a[a]];
-        while (low < high) {
-          const int64_t middle = (low + high) / 2;
-          if (columns[middle] < wanted)
-            low = middle + 1;
-          else
-            high = middle;
-        }
-        if (low == start + row_length_n[nodes_a[a]] || columns[low] != wanted) return c;
-        position_cab[(c * n_basis + a) * n_basis + b] = (int32_t)low;
+      int b = a;
+      for (; b > 0 && column_n[nodes_a[order_b[b - 1]]] > column_n[nodes_a[a]]; --b) order_b[b] = order_b[b - 1];
+      order_b[b] = a;
+    }
+    /* rows are sorted too: one walk along each finds all columns */
+    for (int a = 0; a < n_basis && !missing; ++a) {
+      int64_t at = row_start_n[nodes_a[a]];
+      const int64_t end = at + row_length_n[nodes_a[a]];
+      int32_t *position_b = position_cab + (c * n_basis + a) * n_basis;
+      for (int b = 0; b < n_basis && !missing; ++b) {
+        const int32_t wanted = column_n[nodes_a[order_b[b]]];
+        while (at < end && columns[at] < wanted) ++at;
+        missing = at == end || columns[at] != wanted;
+        position_b[order_b[b]] = (int32_t)at;
       }
     }
+    if (missing) break;
   }
-  return -1;
+  free(order_b);
+  return c < n_cells ? c : -1;
 }
 
 /* ---- Single states ---- */

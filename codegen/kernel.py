@@ -138,6 +138,7 @@ class Kernel:
 
         Raises:
             ValueError: the matrix lacks an entry.
+            MemoryError: the work space could not be allocated.
         """
         n = batch.n_basis
         position_cab = np.empty((batch.n_cells, n, n), dtype=np.int32)
@@ -145,6 +146,8 @@ class Kernel:
             batch.n_cells, n, address(batch.nodes_ca), address(row_start_n), address(row_length_n), address(column_n),
             address(columns), address(position_cab),
         )  # fmt: skip
+        if status == OUT_OF_MEMORY:
+            raise MemoryError(f"kernel '{self.name}' could not allocate its work space")
         if status >= 0:
             raise ValueError(f"the matrix has no room for the tangent of cell {status} of the batch")
         return position_cab

@@ -69,7 +69,7 @@ int64_t tmc_max_step(const tmc_batch *batch, const double *u_ni, const double *d
  *   row_start_n [n_nodes]  position of the first entry of row 2 n in values and columns
  *   column_n    [n_nodes]  column of component 0 of a node
  *   columns     [.]        columns of all entries
- * Returns -1, or the first cell with an entry that the matrix does not have.
+ * Returns -1, or the first cell with an entry that the matrix does not have, or -2 if memory ran out.
  */
 int64_t tmc_positions(int64_t n_cells, int n_basis, const int32_t *nodes_ca, const int64_t *row_start_n,
                       const int32_t *row_length_n, const int32_t *column_n, const int32_t *columns,

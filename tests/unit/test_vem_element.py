@@ -15,9 +15,10 @@ from tmc_vem.vem.element import (
     congruence_classes,
 )
 from tmc_vem.vem.quadrature import sub_triangles
-from tmc_vem.vem.rules import on_sub_triangles
+from tmc_vem.vem.rules import compressed, on_sub_triangles
+from tmc_vem.vem.space_composite import CompositeSpace
 from tmc_vem.vem.spaces import FullSpace, Shapes
-from tmc_vem.vem.stability import StabilityTest, positive_definite, stability_constants
+from tmc_vem.vem.stability import StabilityTest, element_tangent, positive_definite, stability_constants
 from tmc_vem.vem.tables import points_and_values, tabulate
 
 # Smallest l of full rank for k = 2. Those of squares, pentagons, halved triangles and hanging nodes are known from
@@ -302,6 +303,24 @@ def test_the_stability_test_agrees_with_the_eigenvalues(k):
             if smallest > 1e-8:
                 assert test.passes(tables, np.zeros(1, dtype=int), 0.99 * smallest)[0]
             assert not test.passes(tables, np.zeros(1, dtype=int), 1.01 * max(smallest, 1e-8))[0]
+
+
+@pytest.mark.parametrize("space", [FullSpace(1), FullSpace(3), FullSpace(4), CompositeSpace(2)], ids=lambda s: s.label)
+def test_the_tangent_of_the_test_is_the_sum_over_points(space):
+    """Fewer points than monomials, more, and several pieces."""
+    polygon = SHAPES["pentagon"]
+    ((_, triangles),) = sub_triangles(polygon[None])
+    rule = on_sub_triangles(triangles, 4) if space.degree < 4 else compressed(polygon[None], triangles, 3)
+    tables = tabulate(Shapes.of(polygon[None], triangles, 2, space.degree), space, rule)
+    rows, n = tables.rows(2)[0], tables.n_basis
+    expected = np.zeros((2 * n, 2 * n))
+    for w, (dx, dy) in zip(tables.w_sq[0], rows, strict=True):
+        zero = np.zeros(n)
+        xx, yy, shear = np.append(dx, zero), np.append(zero, dy), np.append(dy, dx)
+        expected += w * (
+            np.outer(xx + yy, xx + yy) + 2 * np.outer(xx, xx) + 2 * np.outer(yy, yy) + np.outer(shear, shear)
+        )
+    np.testing.assert_allclose(element_tangent(tables)[0], expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
 def test_positive_definite_matrices_are_told_from_others():

@@ -18,6 +18,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from tmc_vem.mesh.plex import cone_sizes, cones, set_cell_types, set_cone_sizes
 from tmc_vem.mesh.polygon import Edges, PolygonMesh
 from tmc_vem.parallel import on_root
 
@@ -68,10 +69,11 @@ def distribute(
     """
     mesh = on_root(comm, make_mesh)
     plex, cell_field, vertex_field = _serial_plex(comm, mesh)
-    plex.setSection(_weights(comm, plex, mesh, costs or {}))
+    if comm.size > 1:
+        plex.setSection(_weights(comm, plex, mesh, costs or {}))
     migration = plex.distribute()
-    cell_section, cell_data = _distribute_field(comm, plex, migration, 0, cell_field)
-    vertex_section, vertex_data = _distribute_field(comm, plex, migration, len(cell_field), vertex_field)
+    cells = _distribute_field(comm, plex, migration, 0, cell_field)
+    vertices = _distribute_field(comm, plex, migration, len(cell_field), vertex_field)
 
     names = None if mesh is None else (mesh.region_names, dict(mesh.named_points), dict(mesh.named_edges))
     sizes = None if mesh is None else (mesh.n_cells, mesh.n_vertices)
@@ -82,12 +84,8 @@ def distribute(
     cell_points = np.arange(*plex.getHeightStratum(0))
     edge_points = np.arange(*plex.getDepthStratum(1))
     vertex_points = np.arange(*plex.getDepthStratum(0))
-    cells = _field_values(cell_section, cell_data, cell_points, 2)
-    vertices = _field_values(vertex_section, vertex_data, vertex_points, 3)
     vertex_ids = vertices[:, 2].astype(np.int64)
-
-    edges_ev = _cones(plex, edge_points).reshape(-1, 2) - (vertex_points[0] if len(vertex_points) else 0)
-    offsets, cell_edges, forward, cell_vertices = _cells_from_cones(plex, cell_points, edge_points, edges_ev)
+    offsets, cell_edges, forward, edges_ev, cell_vertices = _read_cones(plex, cell_points, edge_points, vertex_points)
     local = PolygonMesh(
         points_vx=vertices[:, :2],
         cell_offsets=offsets,
@@ -127,8 +125,8 @@ def _serial_plex(comm: MPI.Intracomm, mesh: PolygonMesh | None) -> tuple[Any, ND
     """DMPlex with all points on rank 0, and per point its cell data (n, 2) or vertex data (n, 3)."""
     plex = PETSc.DMPlex().create(comm=comm)
     plex.setDimension(2)
-    plex.createLabel("celltype")
     if mesh is None:
+        plex.createLabel("celltype")
         plex.setChart(0, 0)
         plex.symmetrize()
         plex.stratify()
@@ -136,86 +134,85 @@ def _serial_plex(comm: MPI.Intracomm, mesh: PolygonMesh | None) -> tuple[Any, ND
 
     edges, n_cells, n_vertices = mesh.edges, mesh.n_cells, mesh.n_vertices
     first_vertex, first_edge = n_cells, n_cells + n_vertices
-    plex.setChart(0, first_edge + len(edges))
-    for c, n_sides in enumerate(mesh.n_sides_c.tolist()):
-        plex.setConeSize(c, n_sides)
-    for e in range(first_edge, first_edge + len(edges)):
-        plex.setConeSize(e, 2)
+    end = first_edge + len(edges)
+    plex.setChart(0, end)
+    set_cone_sizes(plex, 0, mesh.n_sides_c.tolist())
+    set_cone_sizes(plex, first_edge, [2] * len(edges))
     plex.setUp()
-    cones = (edges.cell_edges + first_edge).astype(PETSc.IntType)
-    orientations = np.where(edges.forward, 0, -1).astype(PETSc.IntType)
-    offsets = mesh.cell_offsets.tolist()
-    for c in range(n_cells):
-        sides = slice(offsets[c], offsets[c + 1])
-        plex.setCone(c, cones[sides], orientation=orientations[sides])
-    ends = (edges.vertices_ev + first_vertex).astype(PETSc.IntType)
-    for e in range(len(edges)):
-        plex.setCone(first_edge + e, ends[e])
+    n_sides = len(edges.cell_edges)
+    cone, orientation = cones(plex, n_sides + 2 * len(edges))
+    cone[:n_sides] = edges.cell_edges + first_edge
+    orientation[:n_sides] = np.where(edges.forward, 0, -1)
+    cone[n_sides:] = edges.vertices_ev.ravel() + first_vertex
+    orientation[n_sides:] = 0
     plex.symmetrize()
     plex.stratify()
-    for c in range(n_cells):
-        plex.setCellType(c, PETSc.DM.PolytopeType.FV_GHOST)
-    for v in range(first_vertex, first_edge):
-        plex.setCellType(v, PETSc.DM.PolytopeType.POINT)
-    for e in range(first_edge, first_edge + len(edges)):
-        plex.setCellType(e, PETSc.DM.PolytopeType.SEGMENT)
+    kinds = PETSc.DM.PolytopeType
+    set_cell_types(
+        plex,
+        [(kinds.FV_GHOST, 0, n_cells), (kinds.POINT, first_vertex, first_edge), (kinds.SEGMENT, first_edge, end)],
+    )
     cell_field = np.column_stack([mesh.region_c, np.arange(n_cells)]).astype(float)
     vertex_field = np.column_stack([mesh.points_vx, np.arange(n_vertices)])
     return plex, cell_field, vertex_field
 
 
 def _distribute_field(
-    comm: MPI.Intracomm, plex: Any, migration: Any, first_point: int, values: NDArray[Any]
-) -> tuple[Any, Any]:
+    comm: MPI.Intracomm, plex: Any, migration: Any, first_point: int, values: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Move the values (n, width) of consecutive points of the serial DMPlex to where the points went."""
+    if migration is None:  # one rank: nothing moved
+        return values
     section = PETSc.Section().create(comm=comm)
     section.setChart(first_point, first_point + len(values))
     for point in range(first_point, first_point + len(values)):
         section.setDof(point, values.shape[1])
     section.setUp()
     vector = PETSc.Vec().createWithArray(values.ravel().copy(), comm=PETSc.COMM_SELF)
-    if migration is None:  # one rank: nothing moved
-        return section, vector
-    new_section, new_vector = plex.distributeField(migration, section, vector)
-    return new_section, new_vector
+    _, moved = plex.distributeField(migration, section, vector)
+    # a section numbers its points in the order of the chart
+    here: NDArray[np.float64] = moved.getArray(readonly=True).reshape(-1, values.shape[1]).copy()
+    return here
 
 
-def _field_values(section: Any, vector: Any, points: Int, width: int) -> NDArray[np.float64]:
-    array = vector.getArray(readonly=True)
-    offsets = np.fromiter((section.getOffset(p) for p in points.tolist()), dtype=np.int64, count=len(points))
-    values: NDArray[np.float64] = array[offsets[:, None] + np.arange(width)].copy()
-    return values
-
-
-def _cones(plex: Any, points: Int) -> Int:
-    cones = [plex.getCone(p) for p in points.tolist()]
-    return np.concatenate(cones).astype(np.int64) if cones else np.empty(0, dtype=np.int64)
-
-
-def _cells_from_cones(
-    plex: Any, cell_points: Int, edge_points: Int, edges_ev: Int
-) -> tuple[Int, Int, NDArray[np.bool_], Int]:
-    """CSR offsets, edges, directions and vertices of the local cells."""
-    first_edge = edge_points[0] if len(edge_points) else 0
-    sizes = np.array([plex.getConeSize(p) for p in cell_points.tolist()], dtype=np.int64)
-    offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-    cell_edges = _cones(plex, cell_points) - first_edge
-    orientations = [plex.getConeOrientation(p) for p in cell_points.tolist()]
-    forward = np.concatenate(orientations) >= 0 if orientations else np.empty(0, dtype=bool)
-    return offsets, cell_edges, forward, edges_ev[cell_edges, np.where(forward, 0, 1)]
+def _read_cones(
+    plex: Any, cell_points: Int, edge_points: Int, vertex_points: Int
+) -> tuple[Int, Int, NDArray[np.bool_], Int, Int]:
+    """CSR offsets, edges and directions of the local cells, ends of the edges, vertices of the cells."""
+    first_edge, first_vertex = (points[0] if len(points) else 0 for points in (edge_points, vertex_points))
+    offsets = np.concatenate([[0], np.cumsum(cone_sizes(plex, cell_points))]).astype(np.int64)
+    n_sides = int(offsets[-1])
+    # cells come first in the chart, then vertices, which have no cone, then edges
+    cone, orientation = cones(plex, n_sides + 2 * len(edge_points))
+    cell_edges = cone[:n_sides].astype(np.int64) - first_edge
+    forward = orientation[:n_sides] >= 0
+    edges_ev = cone[n_sides:].reshape(-1, 2).astype(np.int64) - first_vertex
+    return offsets, cell_edges, forward, edges_ev, edges_ev[cell_edges, np.where(forward, 0, 1)]
 
 
 def _local_points(named_points: Mapping[str, int], vertex_ids: Int) -> dict[str, int]:
+    if not named_points:
+        return {}
     local = {int(v): n for n, v in enumerate(vertex_ids.tolist())}
     return {name: local[vertex] for name, vertex in named_points.items() if vertex in local}
 
 
 def _local_edges(named_edges: Mapping[str, Int], vertex_ids: Int, edges_ev: Int) -> dict[str, Int]:
     """Named edges whose edge (not only its end vertices) is on this rank, in local vertices."""
-    here = {tuple(sorted(pair)): tuple(local) for pair, local in
-            zip(vertex_ids[edges_ev].tolist(), edges_ev.tolist(), strict=True)}  # fmt: skip
+    if not named_edges:
+        return {}
+    here = _edge_keys(vertex_ids[edges_ev])
+    order = np.argsort(here)
     found = {}
     for name, pairs in named_edges.items():
-        keys = (tuple(sorted(pair)) for pair in np.asarray(pairs).reshape(-1, 2).tolist())
-        found[name] = np.array([here[key] for key in keys if key in here], dtype=np.int64).reshape(-1, 2)
+        keys = _edge_keys(np.asarray(pairs).reshape(-1, 2))
+        place = np.searchsorted(here, keys, sorter=order)
+        at = order[place[place < len(order)]]
+        found[name] = edges_ev[at[here[at] == keys[place < len(order)]]]
     return found
+
+
+def _edge_keys(pairs: Int) -> Int:
+    """One number (n,) for every pair (n, 2) of vertices, whatever their order."""
+    keys: Int = (pairs.min(axis=1) << 32) + pairs.max(axis=1)
+    return keys

@@ -8,7 +8,6 @@ which skips constrained entries and sends what belongs to other ranks.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from codegen.batch import CellBatch, Tangents
+from tmc_vem.petsc_arrays import in_place
 from tmc_vem.vem.blocks import CHUNK, Block
 
 Float = NDArray[np.float64]
@@ -103,7 +103,7 @@ class MatrixInsertion:
     def _add_directly(self, u_ni: Float, matrix: Any) -> None:
         if any(part.direct.n_cells for part in self._parts):
             diagonal = _diagonal_block(matrix)
-            values = _values(diagonal, self._n_values)
+            values = in_place("MatSeqAIJGetArray", diagonal, self._n_values, np.float64)
             for part in self._parts:
                 if part.direct.n_cells:
                     tangents = Tangents(None, values, part.position_cab, self._row_length_n)
@@ -134,16 +134,3 @@ def _structure(matrix: Any) -> tuple[Int, Int32] | None:
     if len(columns) >= 2**31 or (lengths[::2] != lengths[1::2]).any():
         return None
     return starts.astype(np.int64), columns.astype(np.int32)
-
-
-def _values(matrix: Any, n: int) -> Float:
-    """The entries of a sequential AIJ matrix, in place; petsc4py only hands out copies."""
-    pointer = ctypes.POINTER(ctypes.c_double)()
-    error = _petsc().MatSeqAIJGetArray(ctypes.c_void_p(matrix.handle), ctypes.byref(pointer))
-    if error:
-        raise PETSc.Error(error)
-    return np.ctypeslib.as_array(pointer, shape=(n,))
-
-
-def _petsc() -> ctypes.CDLL:
-    return ctypes.CDLL(PETSc.__file__)  # finds the functions of the PETSc that petsc4py is linked with

@@ -57,14 +57,18 @@ def derivative_matrices(degree: int) -> tuple[Float, Float]:
 
 
 def values(degree: int, xi_cqx: Float) -> Float:
-    """Monomials (n_cells, n_points, dimension) at scaled points (n_cells, n_points, 2)."""
-    m = np.empty((*xi_cqx.shape[:-1], dimension(degree)))
-    m[..., 0] = 1.0
+    """Monomials (n_cells, n_points, dimension) at scaled points (n_cells, n_points, 2).
+
+    In memory every monomial has its values side by side.
+    """
+    xi, eta = np.ascontiguousarray(np.moveaxis(xi_cqx, -1, 0))
+    m = np.empty((dimension(degree), *xi.shape))
+    m[0] = 1.0
     for d in range(1, degree + 1):
         lower, here = dimension(d - 2), dimension(d - 1)
-        m[..., here : here + d] = m[..., lower : lower + d] * xi_cqx[..., :1]
-        m[..., here + d] = m[..., lower + d - 1] * xi_cqx[..., 1]
-    return m
+        np.multiply(m[lower : lower + d], xi, out=m[here : here + d])
+        np.multiply(m[lower + d - 1], eta, out=m[here + d])
+    return np.moveaxis(m, 0, -1)
 
 
 @cache

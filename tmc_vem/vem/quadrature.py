@@ -155,7 +155,7 @@ def sub_triangles(polygons_cvx: Float) -> list[tuple[Int, Float]]:
 def on_triangles(triangles_ctpx: Float, degree: int) -> tuple[Float, Float]:
     """Points (n_cells, n_points, 2) and weights (n_cells, n_points) over the triangles of each cell."""
     barycentric, weights = triangle(degree)
-    points = np.einsum("qp,ctpx->ctqx", barycentric, triangles_ctpx)
+    points = barycentric @ triangles_ctpx
     edge1, edge2 = triangles_ctpx[:, :, 1] - triangles_ctpx[:, :, 0], triangles_ctpx[:, :, 2] - triangles_ctpx[:, :, 0]
     area = 0.5 * (edge1[..., 0] * edge2[..., 1] - edge1[..., 1] * edge2[..., 0])
     n_cells = len(triangles_ctpx)

@@ -116,7 +116,7 @@ class Gradients:
         """Whether both come from the same polynomials, which are stored once."""
         return np.shares_memory(self.first_stxma, self.second_sxma)
 
-    def take(self, chosen: Int) -> Gradients:
+    def take(self, chosen: Int | slice) -> Gradients:
         """Those of some of the shapes."""
         first = self.first_stxma[chosen]
         return Gradients(first, first[:, 0] if self.shared else self.second_sxma[chosen])

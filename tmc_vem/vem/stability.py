@@ -8,11 +8,10 @@ either.
 
 from __future__ import annotations
 
-import contextlib
-
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.vem import monomials
 from tmc_vem.vem.projector import PolygonGeometry, dofs_of_monomials, elliptic_projector, gradient_projector
 from tmc_vem.vem.spaces import Shapes
 from tmc_vem.vem.tables import Tables
@@ -56,10 +55,10 @@ class StabilityTest:
         self._reference = stabilised_tangent(geometry, shapes.elliptic_cad, k)
         one, xi, eta = np.moveaxis(dofs_of_monomials(geometry, k)[:, :, :3], 2, 0)
         zero = np.zeros_like(one)
-        motions = np.stack([np.hstack([one, zero]), np.hstack([zero, one]), np.hstack([-eta, xi])], axis=2)
-        motions /= np.linalg.norm(motions, axis=1, keepdims=True)
+        motions = np.stack([np.hstack([one, zero]), np.hstack([zero, one]), np.hstack([-eta, xi])], axis=1)
         size = np.einsum("saa->s", self._reference) / self._reference.shape[1]
-        self._lifted = size[:, None, None] * (motions @ np.swapaxes(motions, 1, 2))
+        motions *= np.sqrt(size[:, None] / np.einsum("sma,sma->sm", motions, motions))[:, :, None]
+        self._motions = motions
 
     def passes(self, tables: Tables, chosen: Int, least: float) -> NDArray[np.bool_]:
         """Whether each of the ``chosen`` shapes, whose tables are given, has no constant below ``least``."""
@@ -67,29 +66,36 @@ class StabilityTest:
         for first in range(0, len(chosen), CHUNK):
             part = slice(first, first + CHUNK)
             at = chosen[part]
-            tangent = element_tangent(tables.take(np.arange(len(chosen))[part]))
-            result[part] = positive_definite(tangent - least * self._reference[at] + self._lifted[at])
+            matrices = element_tangent(tables.take(part))
+            matrices -= least * self._reference[at]
+            matrices += np.swapaxes(self._motions[at], 1, 2) @ self._motions[at]
+            result[part] = positive_definite(matrices)
         return result
 
 
 def positive_definite(matrices_sab: Float) -> NDArray[np.bool_]:
-    """Whether symmetric matrices are positive definite.
-
-    numpy's factorisation of all stops at the first one that is not; then they are tried one by one.
-    """
+    """Whether symmetric matrices, which are overwritten, are positive definite."""
     from scipy.linalg.lapack import dpotrf
 
-    if np.isfinite(matrices_sab).all():
-        with contextlib.suppress(np.linalg.LinAlgError):
-            np.linalg.cholesky(matrices_sab)
-            return np.ones(len(matrices_sab), dtype=bool)
-    return np.array([np.isfinite(a).all() and dpotrf(a.T, overwrite_a=1, clean=0)[1] == 0 for a in matrices_sab])
+    finite = np.isfinite(matrices_sab).all(axis=(1, 2)).tolist()
+    # symmetric matrices are their own transposes, which LAPACK takes in place
+    columns = np.swapaxes(matrices_sab, 1, 2)
+    return np.array(
+        [f and dpotrf(a, overwrite_a=1, clean=0)[1] == 0 for f, a in zip(finite, columns, strict=True)], bool
+    )
 
 
 def element_tangent(tables: Tables) -> Float:
     """Tangent (n_shapes, 2 n_basis, 2 n_basis) of plane elasticity with the quadrature of the element."""
-    gradient = np.moveaxis(tables.rows(2), 2, 0)
-    return elastic_tangent(gradient, gradient * tables.w_sq[..., None])
+    first = tables.gradients.first_stxma
+    if first.shape[1] > 1 or tables.w_sq.shape[1] <= first.shape[3]:
+        gradient = np.moveaxis(tables.rows(2), 2, 0)
+        return elastic_tangent(gradient, gradient * tables.w_sq[..., None])
+    # fewer monomials than points: sums over points are products with the monomials' mass matrix
+    m = monomials.values(monomials.degree_of(first.shape[3]), tables.xi_sqx)
+    mass = np.swapaxes(m, 1, 2) @ (m * tables.w_sq[..., None])
+    coefficients = np.moveaxis(first[:, 0], 1, 0)
+    return elastic_tangent(coefficients, mass @ coefficients)
 
 
 def elastic_tangent(gradient_xsqa: Float, weighted_xsqa: Float) -> Float:
@@ -98,8 +104,11 @@ def elastic_tangent(gradient_xsqa: Float, weighted_xsqa: Float) -> Float:
     xx, yy, xy = (np.swapaxes(d[i], 1, 2) @ w[j] for i, j in ((0, 0), (1, 1), (0, 1)))
     n = xx.shape[1]
     tangent = np.empty((len(xx), 2 * n, 2 * n))
-    tangent[:, :n, :n], tangent[:, n:, n:] = 3.0 * xx + yy, 3.0 * yy + xx
-    tangent[:, :n, n:] = tangent[:, n:, :n] = xy + np.swapaxes(xy, 1, 2)
+    for block, three, one in ((slice(n), xx, yy), (slice(n, None), yy, xx)):
+        np.multiply(three, 3.0, out=tangent[:, block, block])
+        tangent[:, block, block] += one
+    np.add(xy, np.swapaxes(xy, 1, 2), out=tangent[:, :n, n:])
+    tangent[:, n:, :n] = tangent[:, :n, n:]
     return tangent
 
 

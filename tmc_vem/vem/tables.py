@@ -50,7 +50,7 @@ class Tables:
         both = first.nbytes + (0 if self.gradients.shared else second.nbytes)
         return both + self.w_sq.nbytes + self.xi_sqx.nbytes + self.h_s.nbytes
 
-    def take(self, chosen: Int) -> Tables:
+    def take(self, chosen: Int | slice) -> Tables:
         """Those of some of the shapes."""
         return Tables(
             self.gradients.take(chosen), self.w_sq[chosen], self.xi_sqx[chosen], self.h_s[chosen], self.piece_q
