@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import phases as phases_of_a_run
 from growth import COLUMNS, table_rows
 from harness import RESULTS
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -91,19 +92,7 @@ def gap() -> str:
 
 def phases() -> str:
     """(d) Phases."""
-    data = load("phases")
-    rows = []
-    for kind in ("quadrilaterals", "voronoi"):
-        whole = data[kind]["run"]
-        total = whole["seconds"]["total"]
-        for phase, seconds in whole["seconds"].items():
-            rows.append(
-                (f"{kind}, {whole['n_dofs']} dofs: {phase}", f"{seconds:.2f} s", f"{100 * seconds / total:.0f} %")
-            )
-        for phase, seconds in data[kind]["iteration"].items():
-            if not phase.startswith("count"):
-                rows.append((f"{kind}, one iteration: {phase}", f"{1e3 * seconds:.1f} ms", ""))
-    return table(("phase", "time", "of the run"), rows)
+    return table(phases_of_a_run.COLUMNS, phases_of_a_run.table_rows(load("phases")))
 
 
 def growth() -> str:

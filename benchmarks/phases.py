@@ -2,12 +2,15 @@
 
     python benchmarks/phases.py
 
-Box of 16k degrees of freedom with its run directory, alpha_r = 1, gamma = 1e-5.
+Box of 16k degrees of freedom with its run directory, alpha_r = 1, gamma = 1e-5. A run is the best of three, each in a
+process of its own, which has to load what it needs; what a program loads before it starts a run is in startup.py.
 """
 
 from __future__ import annotations
 
+import multiprocessing
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +27,8 @@ from tmc_vem.solve.linear import LinearSolver
 
 EVENTS = {"symbolic": "MatCholFctrSym", "numeric": "MatCholFctrNum", "solve": "MatSolve"}
 KINDS = {"quadrilaterals": (80, 25), "voronoi": (80, 25)}
+SOLUTION, PICTURE = ("assembly", "linear solve"), "picture"
+COLUMNS = ("phase", "time", "of the run")
 
 
 def problem(kind: str) -> Box:
@@ -37,6 +42,15 @@ def of_run(kind: str) -> dict[str, Any]:
         result = run(problem(kind), Path(scratch) / "run", RunOptions())
     numbers = {"n_dofs": result.n_dofs, "iterations": result.newton_iterations, "steps": result.steps}
     return {**numbers, "seconds": dict(result.seconds)}
+
+
+def best_run(kind: str, repetitions: int = 3) -> dict[str, Any]:
+    """The fastest of several runs, each in a new process."""
+    found = []
+    for _ in range(repetitions):
+        with multiprocessing.get_context("spawn").Pool(1) as pool:
+            found.append(pool.apply(of_run, (kind,)))
+    return min(found, key=lambda run: float(run["seconds"]["total"]))
 
 
 def of_iteration(kind: str) -> dict[str, float]:
@@ -71,21 +85,28 @@ def of_iteration(kind: str) -> dict[str, float]:
     return seconds
 
 
+def table_rows(results: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Rows of the table: phases and sums of the runs, and parts of an iteration."""
+    rows = []
+    for kind in KINDS:
+        whole, seconds = results[kind]["run"], results[kind]["run"]["seconds"]
+        total = seconds["total"]
+        outside = total - sum(seconds[phase] for phase in SOLUTION)
+        for phase, spent in seconds.items():
+            rows.append((f"{kind}, {whole['n_dofs']} dofs: {phase}", f"{spent:.3f} s", f"{100 * spent / total:.1f} %"))
+        rows.append((f"{kind}: outside assembly and solves", f"{outside:.3f} s", f"{100 * outside / total:.1f} %"))
+        outside, total = outside - seconds[PICTURE], total - seconds[PICTURE]
+        rows.append((f"{kind}: the same without the picture", f"{outside:.3f} s", f"{100 * outside / total:.1f} %"))
+        for phase, spent in results[kind]["iteration"].items():
+            if not phase.startswith("count"):
+                rows.append((f"{kind}, one iteration: {phase}", f"{1e3 * spent:.1f} ms", ""))
+    return rows
+
+
 def main() -> None:
     """Print phases and write them."""
-    results, rows = {}, []
-    for kind in KINDS:
-        whole, parts = of_run(kind), of_iteration(kind)
-        results[kind] = {"run": whole, "iteration": parts}
-        total = whole["seconds"]["total"]
-        for phase, seconds in whole["seconds"].items():
-            rows.append(
-                (f"{kind}, {whole['n_dofs']} dofs: {phase}", f"{seconds:.2f} s", f"{100 * seconds / total:.1f} %")
-            )
-        for phase, seconds in parts.items():
-            if not phase.startswith("count"):
-                rows.append((f"{kind}, one iteration: {phase}", f"{1e3 * seconds:.1f} ms", ""))
-    report("phases", "Phases of a run, and of one Newton iteration", ("phase", "time", "of the run"), rows, results)
+    results = {kind: {"run": best_run(kind), "iteration": of_iteration(kind)} for kind in KINDS}
+    report("phases", "Phases of a run, and of one Newton iteration", COLUMNS, table_rows(results), results)
 
 
 if __name__ == "__main__":

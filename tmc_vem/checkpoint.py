@@ -1,8 +1,12 @@
 """Checkpoints: everything needed to go on with a run, on any number of ranks.
 
-A checkpoint is a NumPy archive that appears whole or not at all; the one before it is kept. With several ranks, each
-writes its own nodes as a part; the archive of rank 0, which names the parts and their checksums, appears last. (Not
-HDF5: where dolfinx is loaded too, its parallel HDF5 library and the serial one of h5py do not get on in one process.)
+A checkpoint is a NumPy archive that appears whole or not at all, so that a killed run loses nothing. Waiting for the
+disk after each would take longer than small steps do: that is done every ten seconds, and the last checkpoint for which
+it was is kept beside the newest, for the case of a power cut.
+
+With several ranks, each writes its own nodes as a part; the archive of rank 0, which names the parts and their
+checksums, appears last. (Not HDF5: where dolfinx is loaded too, its parallel HDF5 library and the serial one of h5py do
+not get on in one process.)
 
 Nodal values are stored with labels that do not depend on the distribution (coordinates, and a number that tells moments
 of a cell apart), so a run may go on with another number of ranks.
@@ -29,6 +33,7 @@ Float = NDArray[np.float64]
 
 CHECKPOINT, BEFORE, PARTS = "checkpoint.npz", "checkpoint-before.npz", "checkpoint-part-*.npz"
 SCHEMA = 3
+DURABLE = 10.0  # seconds of a run that a power cut may cost
 _ARRAYS = ("labels_nz", "states_sni")
 # Labels of the same node may differ by rounding; this fraction of the domain is far below any node spacing.
 TOLERANCE = 1e-9
@@ -48,38 +53,45 @@ class Checkpoint:
     labels_nz: Float
     states_sni: Float
 
-    def write(self, directory: Path, parts: Mapping[str, str] | None = None) -> None:
+    def write(
+        self, directory: Path, parts: Mapping[str, str] | None = None, *, durable: bool = True, keep: bool = True
+    ) -> None:
         """Write into a run directory; the last good checkpoint stays if this fails.
 
         Args:
             directory: run directory.
             parts: checksums of the other ranks' parts by file name, from :meth:`write_part`.
+            durable: wait until the disk has it.
+            keep: the checkpoint that is replaced becomes the one before.
 
         Raises:
             TmcError: the disk is full or the directory cannot be written.
         """
         parts, before = dict(parts or {}), directory / BEFORE
-        self._write(directory / CHECKPOINT, parts, keep=before)
-        for old in directory.glob(PARTS):
-            if old.name not in {*parts, *_parts_of(before)}:
+        self._write(directory / CHECKPOINT, parts, durable, before if keep else None)
+        found = list(directory.glob(PARTS))
+        needed = {*parts, *_parts_of(before)} if found else parts
+        for old in found:
+            if old.name not in needed:
                 old.unlink(missing_ok=True)
 
-    def write_part(self, directory: Path, name: str) -> str:
+    def write_part(self, directory: Path, name: str, *, durable: bool = True) -> str:
         """Write the nodes of one rank under a name of their own; their checksum.
 
         Raises:
             TmcError: the disk is full or the directory cannot be written.
         """
-        self._write(directory / name, {})
-        return self._digest()
+        return self._write(directory / name, {}, durable)
 
-    def _write(self, path: Path, parts: Mapping[str, str], keep: Path | None = None) -> None:
+    def _write(self, path: Path, parts: Mapping[str, str], durable: bool, keep: Path | None = None) -> str:
+        facts = json.dumps(self.facts)
+        digest = self._digest(facts)
         try:
-            with whole_file(path, keep=keep) as temporary:
+            with whole_file(path, keep, durable=durable) as temporary:
                 # made in memory: the archive's writer would complain a second time, later, if the disk is full
                 archive = io.BytesIO()
                 np.savez(
-                    archive, schema=SCHEMA, facts=json.dumps(self.facts), sha256=self._digest(),
+                    archive, schema=SCHEMA, facts=facts, sha256=digest,
                     parts=json.dumps(parts), labels_nz=self.labels_nz, states_sni=self.states_sni,
                 )  # fmt: skip
                 temporary.write_bytes(archive.getbuffer())
@@ -88,6 +100,7 @@ class Checkpoint:
             raise TmcError(
                 f"the checkpoint in {path.parent} could not be written ({reason}); the last one is intact"
             ) from error
+        return digest
 
     @staticmethod
     def read(directory: Path) -> Checkpoint:
@@ -125,10 +138,10 @@ class Checkpoint:
         states: Float = self.states_sni[:, position]
         return states
 
-    def _digest(self) -> str:
-        digest = hashlib.sha256(json.dumps(self.facts).encode())
+    def _digest(self, facts: str) -> str:
+        digest = hashlib.sha256(facts.encode())
         for key in _ARRAYS:
-            digest.update(np.ascontiguousarray(getattr(self, key)).tobytes())
+            digest.update(np.ascontiguousarray(getattr(self, key)).data)
         return digest.hexdigest()
 
 
@@ -147,14 +160,15 @@ def _read(path: Path) -> Checkpoint:
     with np.load(path, allow_pickle=False) as file:
         if int(file["schema"]) != SCHEMA:
             raise ValueError(f"it was written by another version: schema {int(file['schema'])}, here {SCHEMA}")
-        checkpoint = Checkpoint(json.loads(str(file["facts"])), *(np.array(file[key]) for key in _ARRAYS))
-        if checkpoint._digest() != str(file["sha256"]):
+        facts = str(file["facts"])
+        checkpoint = Checkpoint(json.loads(facts), *(np.array(file[key]) for key in _ARRAYS))
+        if checkpoint._digest(facts) != str(file["sha256"]):
             raise ValueError("its checksum is wrong")
         parts: dict[str, str] = json.loads(str(file["parts"]))
     pieces = [checkpoint]
     for name, digest in parts.items():
         pieces.append(_read(path.with_name(name)))
-        if pieces[-1]._digest() != digest:
+        if pieces[-1]._digest(json.dumps(pieces[-1].facts)) != digest:
             raise ValueError(f"its part {name} is another one")
     return Checkpoint(
         checkpoint.facts,

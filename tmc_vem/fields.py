@@ -122,4 +122,5 @@ def write_pvd(path: Path, entries: Sequence[tuple[float, Sequence[str]]]) -> Non
         path,
         '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
         f"  <Collection>\n{datasets}  </Collection>\n</VTKFile>\n",
+        durable=False,
     )

@@ -12,11 +12,16 @@ TEMPORARY = ".unfinished-"
 
 
 @contextmanager
-def whole_file(path: Path, keep: Path | None = None) -> Iterator[Path]:
+def whole_file(path: Path, keep: Path | None = None, *, durable: bool = True) -> Iterator[Path]:
     """A temporary path beside ``path``, with its suffix, that takes its place when the block ends without an error.
 
-    A reader, and whoever looks after the process was killed, sees the old file or the new one. The old one goes to
-    ``keep``, if given.
+    A reader, and whoever looks after the process was killed, sees the old file or the new one.
+
+    Args:
+        path: the file.
+        keep: where the old one goes, if there is one.
+        durable: wait until the disk has it, so that this is true of a power cut as well. Else a file that was written
+            less than about half a minute before one may be empty.
 
     Raises:
         OSError: it could not be written, for example because the disk is full; the old file is as it was.
@@ -26,8 +31,9 @@ def whole_file(path: Path, keep: Path | None = None) -> Iterator[Path]:
     temporary = Path(name)
     try:
         yield temporary
-        with temporary.open("rb") as written:
-            os.fsync(written.fileno())
+        if durable:
+            with temporary.open("rb") as written:
+                os.fsync(written.fileno())
         temporary.chmod(0o644)
         if keep is not None and path.exists():
             os.replace(path, keep)
@@ -37,9 +43,9 @@ def whole_file(path: Path, keep: Path | None = None) -> Iterator[Path]:
         raise
 
 
-def write_atomically(path: Path, text: str) -> None:
-    """Write a text file so that a reader sees the old one or the new one, whole."""
-    with whole_file(path) as temporary:
+def write_atomically(path: Path, text: str, *, durable: bool = True) -> None:
+    """Write a text file so that a reader sees the old one or the new one, whole; see :func:`whole_file`."""
+    with whole_file(path, durable=durable) as temporary:
         temporary.write_text(text)
 
 

@@ -79,10 +79,21 @@ class SnapshotWriter:
         self._writer = VtuWriter(self._polygons, self._units)
 
     def restore(self, entries: Sequence[Sequence[Any]]) -> None:
-        """Go on after these load factors and files, which an interrupted run has written."""
-        self.entries = [(float(load), list(names)) for load, names in entries]
-        reached = self.entries[-1][0] if self.entries else 0.0
+        """Go on after these load factors and files, which an interrupted run has written.
+
+        After a power cut the latest of them may be missing or empty: those are left out of the collection.
+        """
+        comm, plain = self.source.comm, [(float(load), list(names)) for load, names in entries]
+        reached = plain[-1][0] if plain else 0.0
         self._pending = [wanted for wanted in self._pending if wanted > reached + 1e-9]
+        self.entries = comm.bcast(on_root(comm, lambda: [entry for entry in plain if self._is_there(entry[1])]))
+        if plain:
+            on_root(comm, lambda: write_pvd(self.directory / COLLECTION, self.entries))
+
+    def _is_there(self, names: Sequence[str]) -> bool:
+        files = [self.directory / name for name in names]
+        pieces = [piece for file in files if file.suffix == ".pvtu" for piece in file.parent.glob(f"{file.stem}_*.vtu")]
+        return all(file.is_file() and file.stat().st_size > 0 for file in (*files, *pieces))
 
     def offer(self, step: int, load: float, u: Any) -> None:
         """Write this step if one of the selected loads has been reached; called on all ranks."""

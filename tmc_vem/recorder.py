@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.balance import balance
-from tmc_vem.checkpoint import Checkpoint
+from tmc_vem.checkpoint import DURABLE, Checkpoint
 from tmc_vem.errors import TmcError
+from tmc_vem.fields import Fields
 from tmc_vem.gauge import Gauge
 from tmc_vem.monitor import Monitor
 from tmc_vem.output import SnapshotWriter, gather_fields
@@ -28,7 +31,6 @@ from tmc_vem.solve.stepping import Position, Step, SteppingResult
 from tmc_vem.timing import Timer
 
 Float = NDArray[np.float64]
-LARGEST_GATHERED = 50_000  # cells, 400 000 degrees of freedom for k = 2: the check takes a minute
 
 
 class Recorder:
@@ -53,11 +55,14 @@ class Recorder:
         self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
         self.gauge, self.monitor, self.timer = gauge, monitor, timer
         self.history: list[StepRecord] = []
+        self._plain_history: list[dict[str, Any]] = []
         self.warnings: list[str] = []
         self._order = int(inputs["order"])
         self._every = checkpoint_every if directory is not None else 0
         self._on_root = system.comm.rank == 0
         self._seconds_before = 0.0
+        # when to wait for the disk again, and whether it has the checkpoint that is there
+        self._durable_until, self._is_durable = 0.0, True
         self._snapshots: SnapshotWriter | None = None
         if directory is not None and times:
             self._snapshots = SnapshotWriter(system, directory.path, tuple(times), problem.units())
@@ -67,7 +72,7 @@ class Recorder:
         u = states.vectors[-1]
         load = self.problem.load()
         regions = step.newton.evaluation.regions
-        with self.timer("output"):
+        with self.timer("tables"):
             record = StepRecord(
                 step=step.number,
                 load=step.load,
@@ -85,24 +90,31 @@ class Recorder:
                 time=step.time,
                 parameters=step.control.parameters,
             )
-            self.history.append(record)
-            if self.directory is not None:
-                directory = self.directory
-                with _reported(directory.path):
-                    same = self.history[0].as_row().keys() == record.as_row().keys()
-                    on_root(
-                        self.system.comm,
-                        lambda: (
-                            directory.add_step(record, self._headings(record))
-                            if same
-                            else directory.rewrite_history(self.history, self._headings(record))
-                        ),
-                    )
-                    if self._snapshots is not None:
-                        self._snapshots.offer(step.number, step.time, u)
-            if self._every and step.number % self._every == 0:
+            self._add_to_history(record)
+        if self._snapshots is not None:
+            with self.timer("snapshots"), _reported(self._snapshots.directory):
+                self._snapshots.offer(step.number, step.time, u)
+        if self._every and step.number % self._every == 0:
+            with self.timer("checkpoints"):
                 self._write_checkpoint(states, position)
         self.monitor.stepped(record)
+
+    def _add_to_history(self, record: StepRecord) -> None:
+        self.history.append(record)
+        self._plain_history.append(asdict(record))
+        if self.directory is None:
+            return
+        directory = self.directory
+        with _reported(directory.path):
+            same = self.history[0].as_row().keys() == record.as_row().keys()
+            on_root(
+                self.system.comm,
+                lambda: (
+                    directory.add_step(record, self._headings(record))
+                    if same
+                    else directory.rewrite_history(self.history, self._headings(record))
+                ),
+            )
 
     def restore(self, u: Any) -> tuple[States, Position]:
         """Go on from the last checkpoint of the run directory: fill ``u``; the last states and the position.
@@ -115,10 +127,11 @@ class Recorder:
         facts = checkpoint.facts
         _same_inputs(facts["inputs"], self.inputs)
         states = States(u)
-        for control, state_ni in zip(facts["controls"], checkpoint.values_at(self.system.node_labels()), strict=True):
+        for control, state_ni in zip(facts["controls"], checkpoint.values_at(self._node_labels), strict=True):
             u.getArray()[:] = state_ni.ravel()
             states.append(np.array(control), u)
         self.history = [StepRecord.from_plain(entry) for entry in facts["history"]]
+        self._plain_history = [asdict(record) for record in self.history]
         self._seconds_before = self.history[-1].seconds if self.history else 0.0
         if self._on_root:
             units = self._headings(self.history[-1]) if self.history else {}
@@ -132,7 +145,7 @@ class Recorder:
     def finish(self, outcome: SteppingResult, u: Any, residual: Any, linear: Mapping[str, Any]) -> RunResult:
         """Check the last state, draw it and write result.json.
 
-        The check for interpenetration and the picture need the whole state on rank 0: up to LARGEST_GATHERED cells.
+        The check for interpenetration and the picture need the whole state on rank 0.
 
         Args:
             outcome: how the load stepping ended.
@@ -140,35 +153,30 @@ class Recorder:
             residual: work vector, overwritten.
             linear: name of the linear solver and its iterations.
         """
-        with self.timer("output"):
-            if self._snapshots is not None and self.history and self.directory is not None:
-                with _reported(self.directory.path):
-                    self._snapshots.write(self.history[-1].step, self.history[-1].coordinate, u)
+        if self._snapshots is not None and self.history:
+            with self.timer("snapshots"), _reported(self._snapshots.directory):
+                self._snapshots.write(self.history[-1].step, self.history[-1].coordinate, u)
+        with self.timer("check"):
             self.system.residual(u, residual)
             imbalance = self._imbalance(residual)
             share = self.system.cell_energies(u).sum() - self.system.cell_energies(u, without="alpha_r").sum()
             regulariser = float(self.system.comm.allreduce(share))
             checks: dict[str, Any] = {"imbalance": imbalance, "regulariser_energy": regulariser}
-            n_cells = self.system.n_cells_global
-            fields = gather_fields(self.system, u) if n_cells <= LARGEST_GATHERED else None
-            if n_cells > LARGEST_GATHERED:
-                checks["summary"] = f"not checked: {n_cells} cells, more than {LARGEST_GATHERED}"
-            elif fields is not None:
+            fields = gather_fields(self.system, u)
+            if fields is not None:
                 contact = check_contact(fields, self._order)
                 checks |= {**contact.as_dict(), "summary": contact.summary()}
-                if self.directory is not None:
-                    from tmc_vem.report.figures import draw_deformed
-
-                    try:
-                        draw_deformed(fields, self.directory.path / PICTURE, title=self._title())
-                    except OSError as error:
-                        self.warnings.append(f"{PICTURE} could not be written: {error.strerror or error}")
             checks = self.system.comm.bcast(checks)
+        if fields is not None and self.directory is not None:
+            with self.timer("picture"):
+                self._draw(fields, self.directory.path / PICTURE)
+        with self.timer("tables"):
+            found = versions(self.system.comm.size)
         history = self.history
         media = [name for name, region in self.problem.regions().items() if region.is_medium]
         result = RunResult(
             inputs=self.inputs,
-            versions=versions(self.system.comm.size),
+            versions=found,
             complete=outcome.complete,
             reason=outcome.reason,
             load=outcome.load,
@@ -191,6 +199,14 @@ class Recorder:
                 on_root(self.system.comm, lambda: directory.write_result(result))
         return result
 
+    def _draw(self, fields: Fields, path: Path) -> None:
+        from tmc_vem.report.figures import draw_deformed
+
+        try:
+            draw_deformed(fields, path, title=self._title())
+        except OSError as error:
+            self.warnings.append(f"{path.name} could not be written: {error.strerror or error}")
+
     def _imbalance(self, residual: Any) -> float:
         """Resultant of all reactions, relative to the largest of them: 0 in equilibrium."""
         values = residual.getArray(readonly=True)
@@ -202,6 +218,11 @@ class Recorder:
         resultant = np.hypot(reaction[component == 0].sum(), reaction[component == 1].sum())
         return float(resultant) / largest if largest else 0.0
 
+    @cached_property
+    def _node_labels(self) -> Float:
+        labels: Float = self.system.node_labels()
+        return labels
+
     def _write_checkpoint(self, states: States, position: Position) -> None:
         """Each rank writes its own nodes; only names and checksums travel to rank 0."""
         assert self.directory is not None
@@ -212,14 +233,18 @@ class Recorder:
                 "inputs": self.inputs,
                 "position": asdict(position),
                 "controls": [control.tolist() for control in states.controls],
-                "history": [asdict(record) for record in self.history],
+                "history": self._plain_history,
                 "snapshots": self._snapshots.entries if self._snapshots else [],
             }
-        mine = Checkpoint(facts, self.system.node_labels(), np.array([_nodal(u) for u in states.vectors]))
+        mine = Checkpoint(facts, self._node_labels, np.array([_nodal(u) for u in states.vectors]))
+        durable = comm.bcast(time.monotonic() >= self._durable_until)
         part = None if self._on_root else f"checkpoint-part-{position.number:06d}-{comm.rank}.npz"
-        checksum = on_every_rank(comm, lambda: part and mine.write_part(path, part))
-        parts = comm.gather((part, checksum))
-        on_root(comm, lambda: mine.write(path, {key: value for key, value in parts if key}))
+        checksum = on_every_rank(comm, lambda: part and mine.write_part(path, part, durable=durable))
+        parts = {key: value for key, value in comm.gather((part, checksum)) or () if key}
+        on_root(comm, lambda: mine.write(path, parts, durable=durable, keep=self._is_durable))
+        self._is_durable = durable
+        if durable:
+            self._durable_until = time.monotonic() + DURABLE
 
     def _units(self, record: StepRecord) -> dict[str, str]:
         """Units of the columns of the history."""

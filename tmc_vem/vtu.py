@@ -105,7 +105,7 @@ class VtuWriter:
             f"  <UnstructuredGrid>\n    <Piece {self._counts}>\n{''.join(elements)}    </Piece>\n"
             '  </UnstructuredGrid>\n  <AppendedData encoding="raw">\n_'
         )
-        with whole_file(path) as temporary, temporary.open("wb") as file:
+        with whole_file(path, durable=False) as temporary, temporary.open("wb") as file:
             file.write(head.encode())
             for arrays in groups.values():
                 for array in arrays:

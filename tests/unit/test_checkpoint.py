@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -166,6 +167,35 @@ def test_a_damaged_checkpoint_is_passed_over_for_the_one_before(damage: str, tmp
     else:
         path.write_text("something else")
     assert Checkpoint.read(tmp_path).facts == {"number": 1.0}
+
+
+def test_a_power_cut_costs_what_was_not_yet_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The checkpoint before is the last one for which the disk was waited for, however many came after it."""
+    waited: list[int] = []
+    monkeypatch.setattr(os, "fsync", waited.append)
+    is_durable = True
+    for number, durable in enumerate((True, False, False, True, False, False), start=1):
+        checkpoint(float(number)).write(tmp_path, durable=durable, keep=is_durable)
+        is_durable = durable
+        assert Checkpoint.read(tmp_path).facts == {"number": float(number)}
+        if not durable:
+            content = (tmp_path / CHECKPOINT).read_bytes()
+            (tmp_path / CHECKPOINT).write_bytes(b"")
+            assert Checkpoint.read(tmp_path).facts == {"number": 1.0 if number < 4 else 4.0}
+            (tmp_path / CHECKPOINT).write_bytes(content)
+    assert len(waited) == 2
+
+
+def test_fields_that_a_power_cut_has_taken_leave_the_collection(tmp_path: Path, whole_run: Path) -> None:
+    out = tmp_path / "box"
+    shutil.copytree(whole_run, out)
+    first, second, *rest = sorted((out / "fields").glob("*.vtu"))
+    first.write_bytes(b"")
+    second.unlink()
+    (out / "fields.pvd").write_bytes(b"")
+    assert tmc("resume", str(out), "--quiet").returncode == 0
+    files = [part.split('"')[0] for part in (out / "fields.pvd").read_text().split('file="')[1:]]
+    assert files == [f"fields/{file.name}" for file in rest]
 
 
 def test_no_good_checkpoint_is_said(tmp_path: Path) -> None:

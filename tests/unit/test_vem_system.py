@@ -279,6 +279,17 @@ def test_cell_values_add_up():
     assert mean == pytest.approx(np.full(6, np.linalg.det(np.eye(2) + H)), rel=1e-10)
 
 
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_displacement_gradients_are_rows_of_the_basis_times_displacements(name):
+    system = SYSTEMS[name]()
+    u_nodes = system.nodal_values(interpolate(system, wavy))
+    for block in system.blocks:
+        expected = np.einsum("cqxa,cai->cqxi", block.rows(2), u_nodes[block.batch.nodes_ca])
+        for chosen in (slice(None), slice(0, 1)):
+            found = block.displacement_gradients(u_nodes, chosen)
+            np.testing.assert_allclose(found, expected[chosen], rtol=1e-10, atol=1e-12)
+
+
 @pytest.mark.parametrize("k", [2, 3, 4])
 def test_shared_edges_are_read_in_the_same_direction_by_both_cells(k):
     """Interpolate on two cells that share an edge, from every starting vertex: the gradient of P_k is exact in both."""

@@ -193,7 +193,8 @@ class NewtonSolver:
                 with self.timer("assembly"):
                     self.system.jacobian(u, self._matrix)
                 self._shifted = False
-            least = SMALLEST_REACTION * self._largest_stiffness() * self.system.size
+            if not iterations:
+                least = SMALLEST_REACTION * self._largest_stiffness() * self.system.size
             self.residual.copy(self._rhs)
             self._rhs.scale(-1.0)
             self._clear_constrained(self._rhs)
@@ -275,11 +276,13 @@ class NewtonSolver:
         return False, pivots
 
     def _largest_stiffness(self) -> float:
-        """Largest entry of the tangent's diagonal, which is kept."""
+        """Largest entry of the tangent's diagonal."""
         self._matrix.getDiagonal(self._diagonal)
         return float(self._diagonal.norm(3))
 
     def _shift_diagonal(self, shift: float) -> None:
+        if not self._shifted:
+            self._matrix.getDiagonal(self._diagonal)
         diagonal = self._diagonal.duplicate()
         self._diagonal.copy(diagonal)
         diagonal.abs()

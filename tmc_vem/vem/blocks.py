@@ -13,6 +13,7 @@ from codegen.kernel import Kernel
 from codegen.packs import Packs
 from tmc_vem.mesh.distribute import DistributedMesh
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.vem import monomials
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.element import ElementGroup
 from tmc_vem.vem.monomials import degree_of
@@ -84,6 +85,24 @@ class Block:
         h_s, xi_sqx = 1.0 / self.batch.inverse_h_s[shapes], self.batch.xi_sqx[shapes]
         rows: Float = gradients.rows(h_s, xi_sqx, self.batch.piece_q, n_rows)[position]
         return rows
+
+    def displacement_gradients(self, u_ni: Float, chosen: slice = slice(None)) -> Float:
+        """Projected gradients (n_cells, n_points, 2, 2) at displacements (n_nodes, 2) of the nodes; [..., x, i] is the
+        derivative of component i with respect to x.
+
+        The polynomials of a displacement are made first, which is less work than the rows of the basis.
+        """
+        shapes, position = np.unique(self.batch.shape_c[chosen], return_inverse=True)
+        position = position if len(shapes) > 1 else np.zeros(1, dtype=np.int64)  # one shape is not copied for each cell
+        coefficients = self.batch.coefficients(shapes)[0]
+        _, n_pieces, _, n_monomials, n_basis = coefficients.shape
+        at_points = monomials.values(degree_of(n_monomials), self.batch.xi_sqx[shapes])
+        at_points = at_points.reshape(len(shapes), n_pieces, -1, n_monomials)
+        u_cai = u_ni[self.batch.nodes_ca[chosen]]
+        by_direction = np.moveaxis(coefficients, 3, 2).reshape(len(shapes), -1, n_basis)  # pieces, monomials, x
+        polynomials = (by_direction[position] @ u_cai).reshape(len(u_cai), n_pieces, n_monomials, 4)
+        gradients: Float = (at_points[position] @ polynomials).reshape(len(u_cai), -1, 2, 2)
+        return gradients
 
 
 def make_blocks(

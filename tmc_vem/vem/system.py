@@ -316,9 +316,8 @@ class VemSystem:
         mean, smallest = np.empty((2, self.distributed.mesh.n_cells))
         for block in self.blocks:
             for chosen in block.chunks():
-                local = u_nodes[block.batch.nodes_ca[chosen]][:, None]
-                F = np.swapaxes(block.rows(2, chosen) @ local, 2, 3) + np.eye(2)  # rows are derivatives
-                J = F[..., 0, 0] * F[..., 1, 1] - F[..., 0, 1] * F[..., 1, 0]
+                H = block.displacement_gradients(u_nodes, chosen)
+                J = (1.0 + H[..., 0, 0]) * (1.0 + H[..., 1, 1]) - H[..., 0, 1] * H[..., 1, 0]
                 w = block.weights(chosen)
                 mean[block.cells[chosen]] = (w * J).sum(axis=1) / w.sum(axis=1)
                 smallest[block.cells[chosen]] = J.min(axis=1)
