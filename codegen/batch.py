@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.packs import LANES, packed
+from codegen.potential import degree_of, gradient_of_potential
 
 Array = NDArray[np.float64]
 Int32 = NDArray[np.int32]
@@ -21,10 +22,8 @@ class BatchStruct(ctypes.Structure):
 
     _fields_ = (
         ("n_cells", ctypes.c_int64),
-        *(
-            (name, ctypes.c_int32)
-            for name in ("n_basis", "n_points", "n_pieces", "gradient_degree", "second_degree", "n_translated")
-        ),
+        *((name, ctypes.c_int32) for name in ("n_basis", "n_points", "n_pieces", "gradient_degree", "second_degree")),
+        *((name, ctypes.c_int32) for name in ("n_translated", "has_potential")),
         *((name, ctypes.c_void_p) for name in ("shape_c", "nodes_ca", "piece_q", "w_spq", "xi_spqx")),
         *((name, ctypes.c_void_p) for name in ("inverse_h_sp", "gradient_sptxma", "second_spxma")),
     )
@@ -53,6 +52,8 @@ class CellBatch:
         n_translated: a translation by 1 is 1 in so many degrees of freedom, the first, and 0 in the others. Kernels
             take the translation of the first node out before they sum, which keeps a stiff body that moves far free
             of forces from rounding. 0 if a translation is something else.
+        has_potential: ``gradient_sp`` holds the coefficients (n_packs, n_pieces, dim P - 1, n_basis, 8) of a potential,
+            one degree higher and without the constant, see :mod:`codegen.potential`.
     """
 
     shape_c: Int32
@@ -67,6 +68,7 @@ class CellBatch:
     second_degree: int
     n_pieces: int
     n_translated: int = 0
+    has_potential: bool = False
 
     @staticmethod
     def pack(
@@ -103,8 +105,8 @@ class CellBatch:
             inverse_h_sp=packed(1.0 / h_s),
             gradient_sp=gradient,
             second_sp=gradient if shared else None if second_sxma is None else packed(second_sxma),
-            gradient_degree=_degree(gradient_stxma.shape[3]),
-            second_degree=0 if second_sxma is None else _degree(second_sxma.shape[2]),
+            gradient_degree=degree_of(gradient_stxma.shape[3]),
+            second_degree=0 if second_sxma is None else degree_of(second_sxma.shape[2]),
             n_pieces=gradient_stxma.shape[1],
             n_translated=n_translated,
         )
@@ -114,7 +116,7 @@ class CellBatch:
         return CellBatch(
             np.ascontiguousarray(self.shape_c[cells]), np.ascontiguousarray(self.nodes_ca[cells]), self.piece_q,
             self.w_sp, self.xi_sp, self.inverse_h_sp, self.gradient_sp, self.second_sp, self.gradient_degree,
-            self.second_degree, self.n_pieces, self.n_translated,
+            self.second_degree, self.n_pieces, self.n_translated, self.has_potential,
         )  # fmt: skip
 
     @property
@@ -151,6 +153,8 @@ class CellBatch:
         """``gradient_stxma`` and ``second_sxma`` of some shapes; the second is empty where there is none."""
         pack, lane = shapes // LANES, shapes % LANES
         gradient = self.gradient_sp[pack, ..., lane]
+        if self.has_potential:
+            gradient = gradient_of_potential(gradient, 1.0 / self.inverse_h_s[shapes])
         if self.second_sp is None:
             return gradient, np.empty((len(shapes), 2, 0, self.n_basis))
         second = self.second_sp[pack, ..., lane]
@@ -171,8 +175,9 @@ class CellBatch:
         """
         return BatchStruct(
             self.n_cells, self.n_basis, self.n_points, self.n_pieces, self.gradient_degree, self.second_degree,
-            self.n_translated, address(self.shape_c), address(self.nodes_ca), address(self.piece_q), address(self.w_sp),
-            address(self.xi_sp), address(self.inverse_h_sp), address(self.gradient_sp), address(self.second_sp),
+            self.n_translated, self.has_potential, address(self.shape_c), address(self.nodes_ca), address(self.piece_q),
+            address(self.w_sp), address(self.xi_sp), address(self.inverse_h_sp), address(self.gradient_sp),
+            address(self.second_sp),
         )  # fmt: skip
 
 
@@ -214,11 +219,3 @@ def address(array: NDArray[Any] | None) -> int | None:
     if not array.flags.c_contiguous:
         raise ValueError("kernels take C-contiguous arrays only")
     return array.ctypes.data
-
-
-def _degree(dimension: int) -> int:
-    """Degree of the polynomials of two variables with that many monomials."""
-    degree = 0
-    while (degree + 1) * (degree + 2) // 2 < dimension:
-        degree += 1
-    return degree

@@ -106,6 +106,7 @@ typedef struct {
   vec *K_kab;        /* the tangent's blocks */
   vec *u_ai, *du_ai, *R_ai;
   vec *w_q, *xi_qx, *inverse_h, *gradient_txma, *second_xma; /* what shapes have, if it has to be gathered */
+  vec *potential_tma; /* the same, where it stands for the gradient */
   vec *derivative_xma; /* coefficients of the four second derivatives */
   vec *m_mq;         /* monomials at the points */
   vec *S_xmi, *V_rmi; /* second gradient of the displacement as polynomials: potential, derivatives */
@@ -120,12 +121,13 @@ static inline int dimension(int degree) { return degree < 0 ? 0 : (degree + 1) *
 static int allocate(workspace *work, const tmc_batch *batch, int tangent) {
   const size_t n = batch->n_basis, n_q = batch->n_points, n_1 = dimension(batch->gradient_degree);
   const size_t n_2 = dimension(batch->second_degree), blocks = tangent ? 3 : 0;
+  const size_t n_potential = dimension(batch->gradient_degree + 1) - 1;
   const size_t sizes[] = {n_q * N_ROWS * n, blocks * POINTS_AT_ONCE * N_ROWS * n, blocks * n * n, 2 * n, 2 * n, 2 * n, n_q,
                           2 * n_q, 1, 2 * n_1 * n * batch->n_pieces, 2 * n_2 * n, 4 * n_2 * n, (n_1 + n_2) * n_q,
-                          4 * n_2, 8 * n_2};
+                          4 * n_2, 8 * n_2, batch->has_potential ? batch->n_pieces * n_potential * n : 0};
   vec **parts[] = {&work->B_qra, &work->D_kqra, &work->K_kab, &work->u_ai, &work->du_ai, &work->R_ai, &work->w_q,
                    &work->xi_qx, &work->inverse_h, &work->gradient_txma, &work->second_xma, &work->derivative_xma,
-                   &work->m_mq, &work->S_xmi, &work->V_rmi};
+                   &work->m_mq, &work->S_xmi, &work->V_rmi, &work->potential_tma};
   size_t total = 0;
   for (size_t p = 0; p < sizeof sizes / sizeof *sizes; ++p) total += sizes[p];
   work->allocated = malloc((total + 1) * sizeof(vec));
@@ -147,6 +149,28 @@ static const vec *of_shapes(const double *values_sp, size_t n, const int32_t *sh
     for (size_t i = 0; i < n; ++i) ((lanes)gathered)[i][v] = from[i * LANES];
   }
   return gathered;
+}
+
+/* Coefficients gradient_txma of LANES shapes, from their potential if they have one. */
+static const vec *gradient_of(workspace *work, const tmc_batch *batch, const int32_t *shape_v) {
+  const int degree = batch->gradient_degree, n = batch->n_basis, n_1 = dimension(degree);
+  const int n_stored = batch->has_potential ? dimension(degree + 1) - 1 : 2 * n_1;
+  const vec *from = of_shapes(batch->gradient_sptxma, (size_t)batch->n_pieces * n_stored * n, shape_v,
+                              batch->has_potential ? work->potential_tma : work->gradient_txma);
+  if (!batch->has_potential) return from;
+  const vec *inverse_h = of_shapes(batch->inverse_h_sp, 1, shape_v, work->inverse_h);
+  vec *to = work->gradient_txma;
+  for (int t = 0; t < batch->n_pieces; ++t, to += 2 * (size_t)n_1 * n)
+    for (int d = 0, m = 0; d <= degree; ++d, from += n) /* from stands at xi^(d + 1 - b) eta^b */
+      for (int b = 0; b <= d; ++b, ++m, from += n) {
+        const vec by_xi = *inverse_h * (double)(d + 1 - b), by_eta = *inverse_h * (double)(b + 1);
+        vec *d1 = to + (size_t)m * n, *d2 = to + (size_t)(n_1 + m) * n;
+        for (int a = 0; a < n; ++a) {
+          d1[a] = by_xi * from[a];
+          d2[a] = by_eta * from[n + a];
+        }
+      }
+  return work->gradient_txma;
 }
 
 /* Monomials xi^a eta^b up to a degree, by degree, then by b. */
@@ -191,9 +215,8 @@ static void tabulate(workspace *work, const tmc_batch *batch, int n_rows, int64_
   work->n_rows = n_rows;
 
   const int n = batch->n_basis, n_q = batch->n_points, n_1 = dimension(batch->gradient_degree), step = N_ROWS * n;
-  const size_t n_gradient = (size_t)batch->n_pieces * 2 * n_1 * n;
   const vec *xi_qx = of_shapes(batch->xi_spqx, 2 * (size_t)n_q, shape_v, work->xi_qx);
-  const vec *gradient_txma = of_shapes(batch->gradient_sptxma, n_gradient, shape_v, work->gradient_txma);
+  const vec *gradient_txma = gradient_of(work, batch, shape_v);
   work->weights = of_shapes(batch->w_spq, (size_t)n_q, shape_v, work->w_q);
   const int second_degree = N_ROWS > 2 ? batch->second_degree : 0;
   const int degree = second_degree - 1 > batch->gradient_degree ? second_degree - 1 : batch->gradient_degree;

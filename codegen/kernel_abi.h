@@ -21,12 +21,16 @@ extern const int tmc_n_rows;
  * The projected gradient of a basis function is, on piece t, sum_m gradient_txma m(xi); the second gradient is the
  * derivative of sum_m second_xma m(xi), one polynomial on the whole cell. Both are derivatives with respect to the
  * original coordinates. The monomials xi^a eta^b of the scaled coordinates are ordered by degree, then by b.
+ *
+ * Where the projected gradient on every piece is the gradient of a polynomial sum_m potential_tma m(xi), its coefficients
+ * without the constant, m = 1, 2, ..., may take the place of gradient_txma: three quarters of the memory for degree 2.
  */
 typedef struct {
   int64_t n_cells;
   int32_t n_basis, n_points, n_pieces;
   int32_t gradient_degree, second_degree; /* of gradient_txma and second_xma */
   int32_t n_translated; /* a translation by 1 is 1 in so many degrees of freedom, the first, and 0 in the others; or 0 */
+  int32_t has_potential; /* 1 if gradient_sptxma holds potential_sptma, whose degree is one higher */
   const int32_t *shape_c;                 /* [n_cells] */
   const int32_t *nodes_ca;                /* [n_cells][n_basis] */
   const int32_t *piece_q;                 /* [n_points] the piece on which a point lies */

@@ -11,7 +11,7 @@ MIB = 2**20
 
 
 def reuse_freed() -> None:
-    """Let arrays of up to 8 MiB live in memory that others have left (glibc); elsewhere nothing happens.
+    """Let arrays of up to 4 MiB live in memory that others have left (glibc); elsewhere nothing happens.
 
     By default glibc hands freed memory back to the system and asks for it again, page by page, for the next array:
     a third of the time of set-up, whose many arrays live for a fraction of a millisecond. Larger arrays keep coming
@@ -19,7 +19,7 @@ def reuse_freed() -> None:
     """
     with contextlib.suppress(OSError, AttributeError):
         library = ctypes.CDLL(None)
-        library.mallopt(M_MMAP_THRESHOLD, 8 * MIB)
+        library.mallopt(M_MMAP_THRESHOLD, 4 * MIB)
         library.mallopt(M_TRIM_THRESHOLD, 64 * MIB)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers_mesh import SHAPES, subdivide
 
+from codegen.potential import gradient_of_potential, potential_of_gradient
 from tmc_vem.vem import monomials, triangulation
 from tmc_vem.vem.projector import edge_basis, moments_of_basis
 from tmc_vem.vem.quadrature import sub_triangles, triangle
@@ -119,3 +120,15 @@ def test_clipped_ears_are_told_apart():
     for s in range(len(polygons)):
         alone = CompositeSpace(2).gradients(shapes_of(polygons[s : s + 1], 2)).first_stxma
         np.testing.assert_allclose(together[s : s + 1], alone, rtol=0, atol=1e-12 * np.abs(alone).max())
+
+
+@pytest.mark.parametrize("k", [2, 3])
+def test_gradients_have_a_potential_on_every_sub_triangle(k):
+    """So blocks keep that potential: what they give back is the gradient."""
+    for polygon in POLYGONS.values():
+        shapes = shapes_of(np.array([polygon], dtype=float), k)
+        gradients, h = CompositeSpace(k).gradients(shapes), shapes.geometry.diameter_c
+        assert gradients.has_potential
+        first = gradients.first_stxma
+        again = gradient_of_potential(potential_of_gradient(first, h), h)
+        np.testing.assert_allclose(again, first, rtol=0, atol=1e-10 * np.abs(first).max())

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from codegen.batch import CellBatch
 from codegen.kernel import Kernel
 from codegen.packs import Packs
+from codegen.potential import potential_of_gradient
 from tmc_vem.mesh.distribute import DistributedMesh
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.vem import monomials
@@ -142,9 +143,12 @@ class _Gatherer:
         self._packs = [Packs(group.most_shapes, values.shape[1:]) for values in self._values(group)]
 
     def _values(self, group: ElementGroup) -> list[Float]:
-        """What is packed: weights, points, inverse scales, gradients and, if it is needed and another, the second."""
+        """Weights, points, inverse scales, gradients or potentials, and the second gradient if it is another."""
         tables = group.tables
-        values = [tables.w_sq, tables.xi_sqx, 1.0 / tables.h_s, tables.gradients.first_stxma]
+        first = tables.gradients.first_stxma
+        if tables.gradients.has_potential:
+            first = potential_of_gradient(first, tables.h_s)
+        values = [tables.w_sq, tables.xi_sqx, 1.0 / tables.h_s, first]
         if self._energy.kernel.uses_second_gradient and not tables.gradients.shared:
             values.append(tables.gradients.second_sxma)
         return values
@@ -175,6 +179,7 @@ class _Gatherer:
             second_degree=degree_of(gradients.second_sxma.shape[2]) if kernel.uses_second_gradient else 0,
             n_pieces=gradients.first_stxma.shape[1],
             n_translated=n_translated_dofs(group.n_sides, dofmap.order),
+            has_potential=gradients.has_potential,
         )
         return Block(
             region=self._region,

@@ -69,12 +69,12 @@ class CompositeSpace:
         smooth = FullSpace(self.order).gradients(shapes)
         topologies = equal_topologies(shapes.polygons_cvx, shapes.triangles_ctpx)
         if len(topologies) == 1:
-            return Gradients(_gradients(shapes, topologies[0][1]), smooth.second_sxma)
+            return Gradients(_gradients(shapes, topologies[0][1]), smooth.second_sxma, has_potential=True)
         n_triangles, n_m = shapes.triangles_ctpx.shape[1], monomials.dimension(self.order)
         first = np.empty((len(shapes), n_triangles, 2, n_m, shapes.n_basis))
         for chosen, corners_tp in topologies:
             first[chosen] = _gradients(shapes.take(chosen), corners_tp)
-        return Gradients(first, smooth.second_sxma)
+        return Gradients(first, smooth.second_sxma, has_potential=True)
 
 
 @dataclass(frozen=True)

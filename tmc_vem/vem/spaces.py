@@ -100,10 +100,12 @@ class Gradients:
             one piece, or one for every sub-triangle.
         second_sxma: (n_shapes, 2, dim P_m, n_basis) coefficients of the vector field, one polynomial on the cell, whose
             derivatives are the second gradient.
+        has_potential: whether the gradient on every piece is that of a polynomial; then blocks keep that polynomial.
     """
 
     first_stxma: Float
     second_sxma: Float
+    has_potential: bool = False
 
     @staticmethod
     def smooth(grad_x: Float, grad_y: Float) -> Gradients:
@@ -119,7 +121,7 @@ class Gradients:
     def take(self, chosen: Int | slice) -> Gradients:
         """Those of some of the shapes."""
         first = self.first_stxma[chosen]
-        return Gradients(first, first[:, 0] if self.shared else self.second_sxma[chosen])
+        return Gradients(first, first[:, 0] if self.shared else self.second_sxma[chosen], self.has_potential)
 
     def rows(self, h_s: Float, xi_sqx: Float, piece_q: NDArray[np.integer[Any]], n_rows: int = N_ROWS) -> Float:
         """Derivatives (n_shapes, n_points, n_rows, n_basis) at points, in the order of ``N_ROWS``.
