@@ -106,6 +106,10 @@ def test_named_points_become_vertices():
     assert mesh.points_vx[mesh.named_vertex("corner")].tolist() == [0.0, 0.0]
 
 
+def near_the_middle(x):
+    return 1e-4 + 0.3 * np.maximum(np.hypot(x[:, 0] - 0.5, x[:, 1] - 0.5) - 0.04, 0.0)
+
+
 @pytest.mark.parametrize(
     ("regions", "size", "more", "message"),
     [
@@ -113,7 +117,8 @@ def test_named_points_become_vertices():
         ([Region("a", SQUARE)], 0.0, {}, r"size of cells is 0 at .* positive"),
         ([Region("a", SQUARE)], math.nan, {}, r"size of cells is nan"),
         ([Region("a", SQUARE)], lambda x: x[:, 0] - 0.5, {}, r"must be a positive number"),
-        ([Region("a", SQUARE)], 1e-5, {}, r"more than 20 million"),
+        ([Region("a", SQUARE)], 1e-5, {}, r"about 1e\+10 cells, more than 1e\+06"),
+        ([Region("a", SQUARE)], near_the_middle, {}, r"of size 0\.0001, .* 20 million"),
         ([Region("a", SQUARE), Region("b", SQUARE)], 0.1, {}, r"regions 0 \('a'\) and 1 \('b'\) overlap"),
         ([Region("a", SQUARE)], 0.1, {"points": {"p": (0.5, 0.5)}}, r"named point 'p' .* on no region's outline"),
         ([Region("a", SQUARE)], 0.1, {"shortest": 0.9}, r"shortest = 0\.9"),

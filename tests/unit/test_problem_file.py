@@ -367,7 +367,9 @@ def test_any_change_to_a_file_is_accepted_or_refused(data: st.DataObject, tmp_pa
             del holder[key]
     path = tmp_path / "any.toml"
     path.write_text(_toml(table), encoding="utf-8")
-    refused(path)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TMC_VEM_MOST_CELLS", "3000")
+        refused(path)
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -379,12 +381,17 @@ def test_any_broken_text_is_refused_in_one_line(start: int, length: int, text: s
 
 
 def refused(path: Path) -> None:
-    """Reads the file; if it is refused, that takes one line with the file's name."""
+    """Reads the file and makes the mesh; if either is refused, that takes one line."""
     message = path.name
     try:
-        read_problem(path)
+        problem, _ = read_problem(path)
     except InputError as error:
         message = str(error)
+    else:
+        try:
+            problem.make_mesh()
+        except InputError as error:
+            message = f"{path.name} {error}"
     assert path.name in message
     assert len("".join(ch if ch.isprintable() else "?" for ch in message).splitlines()) == 1
 

@@ -49,6 +49,7 @@ def rectangle(
     """
     import numpy as np
 
+    from tmc_vem.mesh.budget import QUADRILATERALS, check_size
     from tmc_vem.mesh.outline import Region
     from tmc_vem.mesh.parts import with_names
     from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
@@ -58,6 +59,7 @@ def rectangle(
         require_positive(name, value, "a length")
     a, b, c, d = (0.0, 0.0), (width, 0.0), (width, height), (0.0, height)
     if kind == "quadrilaterals":
+        check_size([Region("domain", [a, b, c, d])], size, QUADRILATERALS)
         x, y = (np.linspace(0.0, extent, max(1, round(extent / size)) + 1) for extent in (width, height))
         mesh = structured_quadrilaterals(x, y, [Rectangle("domain", 0.0, width, 0.0, height)])
     elif kind == "triangles":

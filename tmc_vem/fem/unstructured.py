@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
 from tmc_vem.fem.outline import Outline, trace_outline
+from tmc_vem.mesh.budget import TRIANGLES, check_cells
+from tmc_vem.mesh.geometry import areas
 from tmc_vem.mesh.polygon import PolygonMesh
 
 Int = NDArray[np.int64]
@@ -26,7 +28,8 @@ def gmsh_triangles(mesh: PolygonMesh, size: float) -> PolygonMesh:
         size: edge length to aim at.
 
     Raises:
-        InputError: gmsh is missing, ``size`` is not positive, or edges with a name lie inside a region.
+        InputError: gmsh is missing, ``size`` is not positive or makes too many cells, or edges with a name lie inside a
+            region.
     """
     if not (math.isfinite(size) and size > 0.0):
         raise InputError(f"triangle size {size:g} must be a positive number")
@@ -35,6 +38,9 @@ def gmsh_triangles(mesh: PolygonMesh, size: float) -> PolygonMesh:
     except ImportError as error:
         raise InputError(f"unstructured triangles need gmsh ({error}): apt-get install python3-gmsh") from None
 
+    area = sum(float(areas(mesh.points_vx[loops]).sum()) for _, _, loops in mesh.cells_by_size())
+    what = f"triangles of size {size:g} on an area of {area:.4g}"
+    check_cells(TRIANGLES * area / size / size, f"{what}; use a larger size")
     outline = trace_outline(mesh)
     gmsh.initialize([])
     try:

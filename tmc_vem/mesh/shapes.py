@@ -19,12 +19,14 @@ from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.outline import COINCIDE, Arc, Curve, Line, Point, Region
-from tmc_vem.validation import require_finite, require_positive
+from tmc_vem.validation import require_positive, require_within
 
 Float = NDArray[np.float64]
 
 # How far beside a piece's middle its two sides are looked at, as a fraction of all shapes' extent.
 BESIDE = 1e-7
+# Lengths whose squares are numbers.
+TINY, HUGE = 1e-100, 1e100
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,9 @@ def disc(x: float, y: float, radius: float) -> Shape:
         InputError: the radius is not positive.
     """
     require_positive("radius", radius, "of a disc")
+    require_within("radius", radius, TINY, HUGE)
+    for value in (x, y):
+        require_within("centre", value, -HUGE, HUGE)
     return Shape((Arc((x, y), radius, 0.0, 180.0), Arc((x, y), radius, 180.0, 360.0)))
 
 
@@ -98,12 +103,14 @@ def polygon(corners: Sequence[Point], rounded: float = 0.0) -> Shape:
 
     for corner in corners:
         for value in corner:
-            require_finite("corner", value)
+            require_within("corner", value, -HUGE, HUGE)
     if len(corners) < 3:
         raise InputError(f"a polygon needs at least 3 corners, got {len(corners)}")
     outline = shapely.Polygon(corners)
     if not outline.is_valid or outline.area == 0.0:
         raise InputError(f"not a simple polygon: {shapely.is_valid_reason(outline)}")
+    shortest = min(math.dist(a, b) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True))
+    require_within("shortest side", shortest, TINY, HUGE)
     if not (math.isfinite(rounded) and rounded >= 0.0):
         raise InputError(f"rounded = {rounded:g} must be a radius, 0 for sharp corners")
     if rounded == 0.0:

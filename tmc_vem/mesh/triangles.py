@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
+from tmc_vem.mesh.budget import QUADRILATERALS, TRIANGLES, check_cells, check_size
 from tmc_vem.mesh.io import read_mesh
 from tmc_vem.mesh.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton
 from tmc_vem.mesh.parts import with_names
@@ -33,8 +34,10 @@ def triangle_mesh(
         quadrilaterals: recombine triangles to quadrilaterals; few triangles may remain.
 
     Raises:
-        InputError: outlines do not close, the size is not positive, or gmsh refuses the geometry.
+        InputError: outlines do not close, the size is not positive or makes too many cells, or gmsh refuses the
+            geometry.
     """
+    check_size(regions, size, QUADRILATERALS if quadrilaterals else TRIANGLES)
     skeleton = make_skeleton(regions, size, points)
     import gmsh
 
@@ -81,7 +84,7 @@ def mesh_geometry(path: str | Path) -> PolygonMesh:
     """Mesh of a gmsh geometry (.geo); sizes, kind of cells and physical groups are those that the file asks for.
 
     Raises:
-        InputError: gmsh is missing, refuses the file, or finds nothing plane to mesh in it.
+        InputError: gmsh is missing, refuses the file, finds nothing plane to mesh in it, or would make too many cells.
     """
     try:
         import gmsh
@@ -92,6 +95,8 @@ def mesh_geometry(path: str | Path) -> PolygonMesh:
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.open(str(path))
+        gmsh.model.mesh.generate(1)
+        _check_curves(gmsh)
         gmsh.model.mesh.generate(2)
         return from_gmsh_model()
     except InputError as error:
@@ -103,6 +108,21 @@ def mesh_geometry(path: str | Path) -> PolygonMesh:
         gmsh.model.remove()
         if started:
             gmsh.finalize()
+
+
+def _check_curves(gmsh: Any) -> None:
+    """Estimate the cells from the nodes along the curves of each surface, before gmsh fills it."""
+    n_cells = 0.0
+    for dimension, surface in gmsh.model.getEntities(2):
+        edges = []
+        for _, curve in gmsh.model.getBoundary([(dimension, surface)], oriented=False):
+            _, coordinates, _ = gmsh.model.mesh.getNodes(1, curve, includeBoundary=True, returnParametricCoord=False)
+            edges.append(max(len(coordinates) // 3 - 1, 1))
+        low_x, low_y, _, high_x, high_y, _ = gmsh.model.getBoundingBox(dimension, surface)
+        lengths = [high_x - low_x, high_y - low_y]
+        h = 2.0 * sum(lengths) / max(sum(edges), 1)  # the outline is as long as the box around it, at least
+        n_cells += max(TRIANGLES * lengths[0] * lengths[1] / h**2 if h > 0.0 else 0.0, 0.5 * sum(edges))
+    check_cells(n_cells, "going by the nodes that it asks for along its curves; use larger sizes in it")
 
 
 def _start(gmsh: Any) -> bool:

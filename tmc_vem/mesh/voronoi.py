@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
+from tmc_vem.mesh.budget import POLYGONS, check_size
 from tmc_vem.mesh.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton
 from tmc_vem.mesh.polygon import PolygonMesh
 
@@ -65,14 +66,15 @@ def voronoi_mesh(
         The mesh, with the regions' names in the order of their first use.
 
     Raises:
-        InputError: a parameter is out of range, the size is too large for a narrow place or an acute corner (the
-            message says where), regions overlap or a named point is on no outline.
+        InputError: a parameter is out of range, there would be too many cells, the size is too large for a narrow place
+            or an acute corner (the message says where), regions overlap or a named point is on no outline.
     """
     if not 0.0 <= shortest <= 0.4:
         raise InputError(f"shortest = {shortest:g}: use a fraction of the local size from 0 to 0.4")
     if not 0 <= relaxation <= 1000:
         raise InputError(f"relaxation = {relaxation}: use 0 to 1000 steps of Lloyd's method")
     _check_overlap(regions)
+    check_size(regions, size, POLYGONS)
     skeleton = make_skeleton(regions, size, points)
     fixed, radius_n = interface_sites(skeleton)
     inside = _interior_sites(regions, size, fixed, skeleton, radius_n, np.random.default_rng(seed))
@@ -204,8 +206,9 @@ def _interior_sites(
     n = np.ceil((high - low) / [pitch, pitch * np.sqrt(0.75)]).astype(int) + 2
     if n.prod() > 2e7:
         raise InputError(
-            f"cells of size {smallest:.3g} would be more than 20 million on a domain of {high[0] - low[0]:.4g} x "
-            f"{high[1] - low[1]:.4g}: use a larger size"
+            f"the smallest cells, of size {smallest:.3g}, are too small for a domain of {high[0] - low[0]:.4g} x "
+            f"{high[1] - low[1]:.4g}: Voronoi cells are chosen from at most 20 million places of that size. Use larger "
+            "ones there, or triangles"
         )
     i, j = np.meshgrid(np.arange(n[0]), np.arange(n[1]))
     lattice = np.column_stack([(i + 0.5 * (j % 2)).ravel() * pitch, j.ravel() * pitch * np.sqrt(0.75)]) + low

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.constraints import Prescribed
 from tmc_vem.errors import InputError
+from tmc_vem.mesh.budget import check_refined
 from tmc_vem.mesh.parts import submesh, with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
@@ -66,8 +66,6 @@ class Box:
         require_finite("uy", self.uy)
         if len(self.cells) != 2 or min(self.cells) < 1:
             raise InputError(f"cells = {self.cells}: give the number of cells in x and in y, for example 40 10")
-        if math.prod(self.cells) > MOST_CELLS:
-            raise InputError(f"cells = {self.cells} are {math.prod(self.cells):.2g} cells: at most {MOST_CELLS:g}")
         require_choice("cell_kind", self.cell_kind, CELL_KINDS)
         if self.cell_kind == "voronoi" and self.medium_refinement != 1:
             raise InputError(f"medium_refinement = {self.medium_refinement}: Voronoi cells are refined by 'cells' only")
@@ -75,6 +73,8 @@ class Box:
             raise InputError(f"medium_refinement = {self.medium_refinement}: use 1 (none) to 64")
         for axis, count, extent in zip("xy", self.cells, (self.length, self.height), strict=True):
             self._check_resolution(axis, count, extent)
+        cavity = (1.0 - 2.0 * self.wall / self.length) * (1.0 - 2.0 * self.wall / self.height)
+        check_refined(self.cells, cavity, self.medium_refinement)
 
     def _check_resolution(self, axis: str, count: int, extent: float) -> None:
         in_wall = self.wall / extent * count
@@ -168,7 +168,6 @@ class Box:
         }
 
 
-MOST_CELLS = 5e6  # about 60 million degrees of freedom
 _DEFAULTS = {"length": 2.0, "height": 0.5, "wall": 0.1}
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from tmc_vem.constraints import Prescribed
 from tmc_vem.errors import InputError
+from tmc_vem.mesh.budget import check_refined
 from tmc_vem.mesh.parts import submesh, with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
@@ -85,6 +86,8 @@ class CBox:
                     f"{count} cells in {axis} do not resolve the wall: {self.wall:g} is {in_wall:g} cells of "
                     f"{extent / count:g}; the paper's C-box takes multiples of 10 in x and of 5 in y"
                 )
+        cavity = (1.0 - self.wall / self.length) * (1.0 - 2.0 * self.wall / self.height)
+        check_refined(self.cells, cavity, self.medium_refinement)
 
     @property
     def name(self) -> str:

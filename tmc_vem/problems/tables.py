@@ -6,13 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from tmc_vem.constraints import COMPONENTS
 from tmc_vem.errors import InputError
-from tmc_vem.mesh.shapes import Shape, disc, polygon, rectangle
+from tmc_vem.mesh.budget import STEEPEST
+from tmc_vem.mesh.shapes import HUGE, Shape, disc, polygon, rectangle
 from tmc_vem.probes import GAP, Displacement, Gap, MeanJ, Place, Position, Probe, Reaction, check_name
 from tmc_vem.problems.base import Material
 from tmc_vem.units import Units
-from tmc_vem.validation import require_choice, require_finite, require_positive
+from tmc_vem.validation import require_choice, require_finite, require_positive, require_within
 
 XY = tuple[float, float]
 CELLS = ("voronoi", "triangles", "quadrilaterals")
@@ -70,6 +73,8 @@ class RefineTable:
     def __post_init__(self) -> None:
         require_positive("size", self.size, "of the cells, a length")
         require_finite("within", self.within, "a distance")
+        for value in np.ravel(np.asarray(self.near)).tolist():
+            require_within("near", value, -HUGE, HUGE)
 
 
 @dataclass(frozen=True)
@@ -93,6 +98,7 @@ class MeshTable:
     def __post_init__(self) -> None:
         require_choice("cells", self.cells, CELLS)
         require_positive("growth", self.growth, "try 0.3")
+        require_within("growth", self.growth, 0.0, STEEPEST, "a cell is twice as large as its neighbour at 1; try 0.3")
         if self.size is not None:
             require_positive("size", self.size, "of the cells, a length")
 
@@ -161,6 +167,9 @@ class EdgesTable:
     def __post_init__(self) -> None:
         if all(value is None for value in (self.line, self.circle, self.box, self.between)):
             raise InputError("give at least one of line, circle, box and between")
+        for name in ("line", "circle", "box"):
+            for value in np.ravel(np.asarray(getattr(self, name) or ())).tolist():
+                require_within(name, value, -HUGE, HUGE)
 
 
 @dataclass(frozen=True)
