@@ -49,7 +49,7 @@ docs: .venv/.ready ## the site into build/docs/html; a warning is an error
 pictures: .venv/.ready ## the documentation's pictures anew; some minutes
 	scripts/make-pictures
 
-linkcheck: .venv/.ready ## links to other sites; needs the network
+linkcheck: .venv/.ready ## links to other sites; needs the network; fails if one is broken, build/docs/links/output.txt
 	.venv/bin/sphinx-build -q -d build/docs/cache -b linkcheck docs build/docs/links
 
 setup: .venv/.ready

@@ -33,6 +33,14 @@ def test_blocks_run(page: str, tmp_path: Path) -> None:
         assert done.returncode == 0, f"{text}\n{done.stdout}\n{done.stderr}"
 
 
+def test_links_between_files_lead_somewhere() -> None:
+    """Those of the pages that Sphinx does not read."""
+    for page in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md"):
+        links = re.findall(r"\]\(([^)#]+)", (ROOT / page).read_text())
+        broken = [link for link in links if "://" not in link and not (ROOT / link).exists()]
+        assert not broken, f"{page}: {broken}"
+
+
 def test_examples_of_problem_files_are_read(tmp_path: Path) -> None:
     """The [solve] and [probes] tables of the schema page."""
     import tomllib
