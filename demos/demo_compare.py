@@ -3,7 +3,8 @@
 
 Both methods solve the same problem on the same three meshes; the runs are done in processes and found again the next
 time. The page has the gap with its mesh-converged value, errors against degrees of freedom and time, curves, deformed
-states side by side, and everything that is needed to repeat it.
+states side by side, and everything that is needed to repeat it. The picture has the curves of the finest mesh: they
+lie on one another.
 
     python demos/demo_compare.py            # up to 60 x 15 cells, u_y = -1
     python demos/demo_compare.py --quick    # a fifth of the load

@@ -10,6 +10,9 @@ the gradient of the deformation's skew part, which keeps them equally rotated,
 and leaves all other second gradients alone. It is cheaper than `angle` (no quotient), but for large rotations the skew
 part is no measure of the rotation: the energy is not objective, and the check below says so in words.
 
+The picture has its box beside that of the paper's regulariser (9), coloured by J: the same shape, and gaps that differ
+by one percent.
+
     python demos/demo_new_regulariser.py            # 40 x 10 cells, all four of Table 1 for comparison
     python demos/demo_new_regulariser.py --quick    # 20 x 10 cells, two of them
 """
@@ -26,6 +29,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tmc_vem import Box, Medium, RunOptions, RunResult, run
+from tmc_vem.report.animation import draw_states, states_of
 
 # %%
 # A regulariser is any function $\psi_r(F, G)$ of the deformation gradient and its gradient. The code generator derives
@@ -56,17 +60,17 @@ def check(file: Path) -> None:
         raise SystemExit(f"the check did not run:\n{done.stderr}")
 
 
-def solve(cells: tuple[int, int], regulariser: str, **parameters: float) -> RunResult:
+def solve(out: Path, cells: tuple[int, int], regulariser: str, **parameters: float) -> RunResult:
     """Box without damping, so that the regularisers are compared as they are."""
     medium = Medium(gamma=GAMMA, alpha_r=ALPHA_R, beta=0.0, regulariser=regulariser, parameters=parameters)
-    return run(Box(cells=cells, medium=medium), options=RunOptions(snapshots=0))
+    return run(Box(cells=cells, medium=medium), out, RunOptions(snapshots=1, overwrite=True))
 
 
 def main() -> None:
     """Write, check, run, compare."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="a coarser mesh, fewer regularisers")
-    parser.add_argument("--out", type=Path, default=Path("runs/demo_new_regulariser"), help="where the file goes")
+    parser.add_argument("--out", type=Path, default=Path("runs/demo_new_regulariser"), help="where all files go")
     options = parser.parse_args()
     cells = (20, 10) if options.quick else (40, 10)
 
@@ -76,8 +80,11 @@ def main() -> None:
     check(file)
 
     names = ("huhu_lulu", "angle") if options.quick else ("huhu", "huhu_lulu", "angle", "tangent")
-    runs = {f"spin, kappa = {kappa:g}": solve(cells, f"{file}:spin", kappa=kappa) for kappa in (0.1, 1.0)}
-    runs |= {name: solve(cells, name) for name in names}
+    runs = {
+        f"spin, kappa = {kappa:g}": solve(options.out / f"spin-{kappa:g}", cells, f"{file}:spin", kappa=kappa)
+        for kappa in (0.1, 1.0)
+    }
+    runs |= {name: solve(options.out / name, cells, name) for name in names}
 
     table = Table(
         title=f"Box, gamma = {GAMMA:g}, alpha_r = {ALPHA_R:g}, no damping, {cells[0]} x {cells[1]}", box=SIMPLE
@@ -91,6 +98,15 @@ def main() -> None:
             name, gap, f"{result.load:.0%}", str(result.steps), str(result.newton_iterations), f"{smallest:.1e}"
         )
     Console().print(table)
+
+    picture = options.out / "states.png"
+    shown = {name: runs[name] for name in ("spin, kappa = 0.1", "huhu_lulu")}
+    states = [
+        (f"{name}: gap {result.gap:.3e}, {result.newton_iterations} iterations", states_of(result)[-1][1])
+        for name, result in shown.items()
+    ]
+    draw_states(states, picture, quantity="J")
+    print(f"picture: {picture}")
 
     own = runs["spin, kappa = 0.1"]
     assert own.complete, own.reason
