@@ -130,7 +130,12 @@ def draw_state(axes: Any, fields: Fields, quantity: str, scale: Any) -> None:
         loops = [points[cells[c]] for c in chosen]
         axes.add_collection(PolyCollection(loops, linewidths=line, edgecolors=edge, rasterized=True, **style))
     axes.add_collection(
-        LineCollection(outline(cells, ~is_medium, points), colors="black", linewidths=0.7, capstyle="round")
+        LineCollection(
+            outline(polygons.offsets, polygons.connectivity, ~is_medium, points),
+            colors="black",
+            linewidths=0.7,
+            capstyle="round",
+        )
     )
     axes.set_aspect("equal")
 

@@ -127,7 +127,7 @@ def _fill(axes: Any, mesh: PolygonMesh, *, edges: bool) -> None:
         )
         axes.add_collection(collection)
     inside = np.array([not name.startswith(MEDIUM) for name in mesh.region_names])[np.asarray(mesh.region_c)]
-    lines = outline(cells, inside, points)
+    lines = outline(np.asarray(mesh.cell_offsets), np.asarray(mesh.cell_vertices), inside, points)
     axes.add_collection(LineCollection(lines, colors="black", linewidths=0.9, capstyle="round"))
 
 
