@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from codegen.batch import CellBatch, Tangents
-from tmc_vem.petsc_arrays import in_place
+from tmc_vem.petsc_arrays import compressed_rows, in_place
 from tmc_vem.vem.blocks import CHUNK, Block
 
 Float = NDArray[np.float64]
@@ -129,8 +129,8 @@ def _structure(matrix: Any) -> tuple[Int, Int32] | None:
     """Row starts and columns of this rank's diagonal block, or None if it has no compressed rows with node pairs."""
     if matrix.getType() not in (PETSc.Mat.Type.SEQAIJ, PETSc.Mat.Type.MPIAIJ):
         return None
-    starts, columns = _diagonal_block(matrix).getRowIJ()
+    starts, columns = compressed_rows(_diagonal_block(matrix))
     lengths = np.diff(starts)
     if len(columns) >= 2**31 or (lengths[::2] != lengths[1::2]).any():
         return None
-    return starts.astype(np.int64), columns.astype(np.int32)
+    return starts.astype(np.int64), columns.astype(np.int32, copy=False)

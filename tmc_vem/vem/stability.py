@@ -104,11 +104,9 @@ def elastic_tangent(gradient_xsqa: Float, weighted_xsqa: Float) -> Float:
     xx, yy, xy = (np.swapaxes(d[i], 1, 2) @ w[j] for i, j in ((0, 0), (1, 1), (0, 1)))
     n = xx.shape[1]
     tangent = np.empty((len(xx), 2 * n, 2 * n))
-    for block, three, one in ((slice(n), xx, yy), (slice(n, None), yy, xx)):
-        np.multiply(three, 3.0, out=tangent[:, block, block])
-        tangent[:, block, block] += one
-    np.add(xy, np.swapaxes(xy, 1, 2), out=tangent[:, :n, n:])
-    tangent[:, n:, :n] = tangent[:, :n, n:]
+    both = xx + yy
+    tangent[:, :n, :n], tangent[:, n:, n:] = both + 2.0 * xx, both + 2.0 * yy
+    tangent[:, :n, n:] = tangent[:, n:, :n] = xy + np.swapaxes(xy, 1, 2)
     return tangent
 
 
