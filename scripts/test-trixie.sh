@@ -29,7 +29,7 @@ fi
 copy=$chroot_dir/tmc-vem
 rm -rf "$copy"
 mkdir -p "$copy" "$chroot_dir/proc" "$chroot_dir/sys"
-cp -a codegen tmc_vem tests demos pyproject.toml README.md "$copy"/
+cp -a codegen tmc_vem tests demos docs scripts pyproject.toml README.md "$copy"/
 mountpoint -q "$chroot_dir/proc" || mount -t proc proc "$chroot_dir/proc"
 mountpoint -q "$chroot_dir/sys" || mount -t sysfs -o ro sysfs "$chroot_dir/sys" # Open MPI looks for cores there
 trap 'umount "$chroot_dir/proc" "$chroot_dir/sys"' EXIT

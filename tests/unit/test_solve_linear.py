@@ -21,6 +21,12 @@ def available() -> list[str]:
     return [preset for preset in preset_names() if preset not in missing]
 
 
+@pytest.mark.skipif("iterative" in available(), reason="this PETSc has ML")
+def test_a_preset_that_this_petsc_cannot_do_says_so() -> None:
+    with pytest.raises(InputError, match=r"solver 'iterative' preconditions with ML, .* use --solver direct"):
+        LinearSolver(matrix(np.full(3, 4.0)), PETSc.COMM_SELF, "iterative")
+
+
 def matrix(diagonal: Any) -> Any:
     """A tridiagonal matrix with ones beside the diagonal."""
     n = len(diagonal)

@@ -73,6 +73,12 @@ class LinearSolver:
         self.ksp.setOptionsPrefix(PREFIX)
         self.ksp.setOperators(matrix)
         with self._in_database():
+            wanted = PETSc.Options().getString(f"{PREFIX}pc_type", "")
+            if wanted == PETSc.PC.Type.ML and not PETSc.Sys.hasExternalPackage("ml"):
+                raise InputError(
+                    f"solver '{solver}' preconditions with ML, and this PETSc is built without it, as Debian 13's: use "
+                    "--solver direct, or a file of PETSc options with another preconditioner"
+                )
             self.ksp.setFromOptions()
 
     def solve(self, rhs: Any, out: Any) -> bool:
