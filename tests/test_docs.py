@@ -41,6 +41,20 @@ def test_links_between_files_lead_somewhere() -> None:
         assert not broken, f"{page}: {broken}"
 
 
+def test_every_option_of_the_table_is_one_of_problem_files() -> None:
+    """The right column of the how-to page on solver options; each changes what is run."""
+    import tomllib
+
+    from tmc_vem.simulation import RunOptions
+    from tmc_vem.validation import build
+
+    page = (ROOT / "docs/howto/solver-options.md").read_text()
+    entries = re.findall(r"^\|.*\| `([^`]*)` \|$", page, re.MULTILINE)
+    assert len(entries) > 10
+    for entry in entries:
+        assert build(RunOptions, tomllib.loads(entry), entry) != RunOptions(), entry
+
+
 def test_examples_of_problem_files_are_read(tmp_path: Path) -> None:
     """The [solve] and [probes] tables of the schema page."""
     import tomllib

@@ -20,9 +20,11 @@ from tmc_vem.paper import table2 as paper_table2
 from tmc_vem.paper import table3 as paper_table3
 from tmc_vem.paper.point_loads import creep, sinking
 from tmc_vem.paper.values import table2, table3
-from tmc_vem.problems import Bodies, Punch
+from tmc_vem.probes import Displacement, Gap, Reaction
+from tmc_vem.problems import Bodies, Box, Punch
 from tmc_vem.problems.cbox import angle_medium
 from tmc_vem.report.comparison import Comparison, Method, comparison_page
+from tmc_vem.report.problem_figure import draw_problem
 from tmc_vem.report.richardson import Extrapolation
 from tmc_vem.report.write import to_markdown
 from tmc_vem.reproduce import TARGETS, reproduce
@@ -200,8 +202,10 @@ def test_a_mesh_that_cannot_be_made_costs_that_run_only(tmp_path: Path) -> None:
     assert "gave no result: the interface near" in report.read_text()
 
 
-def method(name: str, gap: float, uncertainty: float, energy: float, penalty: str) -> Method:
-    record = StepRecord(1, 1.0, -1.0, {"gap": gap}, -1.0, 3, 0, 0, {"medium": 0.1}, {"medium": energy}, 0, False, 1.0)
+def method(name: str, gap: float, uncertainty: float, energy: float, penalty: str, **probes: float) -> Method:
+    record = StepRecord(
+        1, 1.0, -1.0, {"gap": gap, **probes}, -1.0, 3, 0, 0, {"medium": 0.1}, {"medium": energy}, 0, False, 1.0
+    )
     inputs = {"method": name.lower(), "interior_penalty": penalty}
     run = RunResult(inputs, {}, True, "", 1.0, 4, 9, 3, 0, {}, {"total": 1.0}, [record])
     return Method(name, {"coarse": run}, {"gap": Extrapolation(gap, None, uncertainty)})
@@ -219,6 +223,24 @@ def test_the_report_doubts_what_it_must() -> None:
     assert "FEM is not mesh-converged: the uncertainty of the gap is 2.9%" in apart
     assert "energies of the medium differ by a factor 2.0" in apart
     assert "relative to each method's own converged value" in apart
+
+
+def test_probes_of_both_methods_stand_beside_each_other() -> None:
+    methods = [method(name, 1.0, 0.01, 1.0, "none", bulge=bulge) for name, bulge in (("VEM", 0.0202), ("FEM", 0.02))]
+    page = comparison_page(Comparison("t", "c", methods))
+    assert "| bulge | 2.0200e-02 | 2.0000e-02 | +1.00 % |" in to_markdown(page)
+    assert "probes-1" in [picture.name for picture in page.pictures]
+
+
+def test_a_problem_is_drawn_with_its_probes() -> None:
+    box = Box(cells=(20, 5))
+    probes = {**box.probes(), "top": Displacement("uy", "load"), "held": Reaction("uy", "support_left"),
+              "corner": Gap((0.1, 0.1), (0.1, 0.4))}  # fmt: skip
+    figure = draw_problem(box.make_mesh(), box.prescribed(), box.load(), probes)
+    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert labels[-3:] == ["gap", "top", "corner"]
+    (corner,) = (line for line in figure.axes[0].lines if list(line.get_xdata()) == [0.1, 0.1])
+    assert list(corner.get_ydata()) == [0.1, 0.4]
 
 
 def test_the_papers_tables() -> None:
