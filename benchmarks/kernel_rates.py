@@ -48,19 +48,20 @@ void benchmark(int n, int n_q, int repeats, const double *x, const double *param
   if (!allocate(&work, &batch, 1)) return;
   const size_t rows = (size_t)n_q * N_ROWS * n, block = (size_t)POINTS_AT_ONCE * N_ROWS * n;
   for (size_t i = 0; i < rows; ++i) work.B_qra[i] = (vec){0.0} + 1e-3 * (double)(i % 17);
-  static point_batch points;
-  memcpy(points.x, x, sizeof points.x);
+  static state at;
+  static vec h[N_H];
+  memcpy(at.x, x, sizeof at.x);
   const vec w = (vec){0.0} + 1.0;
-  evaluate_points(TMC_TANGENT, &points, parameters);
   for (int part = 0; part < 3; ++part) {
     const double start = now();
     for (int repeat = 0; repeat < repeats; ++repeat)
       for (int q0 = 0; q0 < n_q; q0 += POINTS_AT_ONCE) {
         const int end = q0 + POINTS_AT_ONCE < n_q ? q0 + POINTS_AT_ONCE : n_q;
         for (int q = q0; part < 2 && q < end; ++q) {
-          if (part == 0) evaluate_points(TMC_TANGENT, &points, parameters);
+          if (part == 0)
+            point_tangent((const_lanes)at.x, parameters, (double *)&at.psi, (lanes)at.g, (lanes)h);
           if (part == 1)
-            material_rows(n, &w, &points, work.B_qra + (size_t)q * N_ROWS * n,
+            material_rows(n, &w, h, work.B_qra + (size_t)q * N_ROWS * n,
                           work.D_kqra + (size_t)(q - q0) * N_ROWS * n, block);
         }
         if (part == 2) contract(n, (end - q0) * N_ROWS, work.B_qra + (size_t)q0 * N_ROWS * n, work.D_kqra, work.K_kab);

@@ -13,8 +13,9 @@ def abi_header() -> str:
 
 
 def driver_source() -> str:
-    """Text of the cell driver, driver.c, and of the other entry points, entries.c."""
-    return HERE.joinpath("driver.c").read_text() + "\n" + HERE.joinpath("entries.c").read_text()
+    """Text of the cell driver: its files in the order in which they build on each other."""
+    files = ("lanes.c", "shapes.c", "residual.c", "tangent.c", "entries.c")
+    return "\n".join(HERE.joinpath(file).read_text() for file in files)
 
 
 def point_arithmetic_source() -> str:

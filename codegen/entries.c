@@ -1,47 +1,62 @@
+/* ---- The entry points ---- */
+
+int64_t tmc_cells(int level, const tmc_batch *batch, const double *u_ni, const double *parameters, double *energy_c,
+                  double *min_j_c, double *residual_ni, const tmc_tangents *tangents) {
+  if (level >= TMC_TANGENT)
+    return cells_with_tangent(batch, u_ni, parameters, energy_c, min_j_c, residual_ni, tangents);
+  if (level == TMC_ENERGY) residual_ni = NULL;
+  return cells_below_tangent(batch, u_ni, parameters, energy_c, min_j_c, residual_ni);
+}
+
 /* ---- The largest admissible step ---- */
 
-/* Smallest positive root of c0 + c1 s + c2 s^2 with c0 > 0, or infinity; stable for c2 -> 0. */
-static double smallest_positive_root(double c0, double c1, double c2) {
+/* Smallest positive root of c0 + c1 s + c2 s^2, or infinity, for c0 > 0, else 0; stable for c2 -> 0 and without
+ * branches. */
+static inline double smallest_positive_root(double c0, double c1, double c2) {
   const double discriminant = c1 * c1 - 4.0 * c0 * c2;
-  if (!(discriminant >= 0.0)) return INFINITY;
-  const double q = -0.5 * (c1 - sqrt(discriminant)); /* the larger root of q^2 + c1 q + c0 c2 */
-  const double p = -0.5 * (c1 + sqrt(discriminant));
-  double root = INFINITY;
-  if (c1 <= 0.0) { /* q has no cancellation: roots are c0 / q and q / c2 */
-    if (q > 0.0) root = c0 / q;
-  } else if (c2 < 0.0) { /* p has no cancellation and is negative: the positive root is p / c2 */
-    root = p / c2;
+  const double root = sqrt(discriminant), q = -0.5 * (c1 - root), p = -0.5 * (c1 + root);
+  /* q, the larger root of q^2 + c1 q + c0 c2, has no cancellation for c1 <= 0: the roots are c0 / q and q / c2. Else p
+   * has none and is negative: the positive root is p / c2, if c2 is negative. */
+  const double above = c1 <= 0.0 ? c0 : -p, below = c1 <= 0.0 ? q : -c2;
+  const double s = above / below;
+  const double first = below > 0.0 ? s : INFINITY, real = discriminant >= 0.0 ? first : INFINITY;
+  return c0 > 0.0 ? real : 0.0;
+}
+
+/* Steps become those to J = 0 where they are larger; gradients are [x][i], i of u and of du. */
+static void limit(vec *steps, const vec *gradients) {
+  const_lanes H = (const_lanes)gradients;
+  double *step = (double *)steps;
+  LANES_ARE_INDEPENDENT
+  for (int v = 0; v < LANES; ++v) {
+    const double H11 = H[0][v], H21 = H[1][v], H12 = H[4][v], H22 = H[5][v];
+    const double d11 = H[2][v], d21 = H[3][v], d12 = H[6][v], d22 = H[7][v];
+    const double c1 = (1.0 + H22) * d11 - H12 * d21 - H21 * d12 + (1.0 + H11) * d22;
+    const double s = smallest_positive_root(jacobian(H11, H21, H12, H22), c1, d11 * d22 - d21 * d12);
+    step[v] = s < step[v] ? s : step[v];
   }
-  return root;
 }
 
 int64_t tmc_max_step(const tmc_batch *batch, const double *u_ni, const double *du_ni, double *step_c) {
-  const int n = batch->n_basis;
   workspace work;
   if (!allocate(&work, batch, 0)) return -2;
+  const int n_q = batch->n_points, n_1 = dimension(batch->gradient_degree);
+  vec gradients[STATES][8]; /* [x][i], i of u and of du */
   for (int64_t c0 = 0; c0 < batch->n_cells; c0 += LANES) {
-    tabulate(&work, batch, 2, c0);
-    gather_nodes(batch, c0, u_ni, work.u_ai);
-    gather_nodes(batch, c0, du_ni, work.du_ai);
-    double step[LANES];
-    for (int v = 0; v < LANES; ++v) step[v] = INFINITY;
-    for (int q = 0; q < batch->n_points; ++q) {
-      const vec *B_ra = work.B_qra + (size_t)q * N_ROWS * n;
-      vec H_k[4], dH_k[4], J;
-      displacement_gradient(2, n, B_ra, work.u_ai, H_k);
-      displacement_gradient(2, n, B_ra, work.du_ai, dH_k);
-      jacobians(H_k, &J);
-      const_lanes H = (const_lanes)H_k, dH = (const_lanes)dH_k;
-      for (int v = 0; v < LANES; ++v) {
-        const double c0_v = ((double *)&J)[v];
-        const double c1 =
-            (1.0 + H[3][v]) * dH[0][v] - H[2][v] * dH[1][v] - H[1][v] * dH[2][v] + (1.0 + H[0][v]) * dH[3][v];
-        const double c2 = dH[0][v] * dH[3][v] - dH[1][v] * dH[2][v];
-        const double s = c0_v > 0.0 ? smallest_positive_root(c0_v, c1, c2) : 0.0;
-        if (s < step[v]) step[v] = s;
+    take_shapes(&work, batch, c0);
+    gather_nodes(batch, c0, u_ni, 4, work.u_ai);
+    gather_nodes(batch, c0, du_ni, 4, work.u_ai + 2);
+    vec step = (vec){0.0} + INFINITY;
+    for (int q = 0, end; q < n_q; q = end) {
+      end = piece_end(batch, q);
+      first_gradient(4, &work, batch, batch->piece_q[q], work.polynomials + 8 * n_1, work.polynomials);
+      for (int q0 = q, q1; q0 < end; q0 = q1) {
+        q1 = states_end(end, q0);
+        product(0, 0, q1 - q0, 8, n_1, work.m_mq + q0, n_q, work.polynomials, 8, *gradients, 8);
+        for (int p = 0; p < q1 - q0; ++p) limit(&step, gradients[p]);
       }
     }
-    for (int v = 0; v < LANES && c0 + v < batch->n_cells; ++v) step_c[c0 + v] = step[v];
+    for (int v = 0; v < LANES && c0 + v < batch->n_cells; ++v) step_c[c0 + v] = ((double *)&step)[v];
   }
   free(work.allocated);
   return -1;
@@ -84,19 +99,28 @@ int64_t tmc_positions(int64_t n_cells, int n_basis, const int32_t *nodes_ca, con
 
 void tmc_points(int level, int64_t n_states, const double *x_nx, const double *parameters, double *psi_n,
                 double *g_nx, double *h_nk) {
-  point_batch batch;
-  memset(&batch, 0, sizeof batch);
-  const_lanes g = (const_lanes)batch.g, h = (const_lanes)batch.h;
+  state at;
+  vec hessian[N_H];
+  memset(&at, 0, sizeof at);
+  memset(hessian, 0, sizeof hessian);
+  const_lanes x = (const_lanes)at.x;
+  lanes g = (lanes)at.g, h = (lanes)hessian;
+  double *psi = (double *)&at.psi;
   for (int64_t n0 = 0; n0 < n_states; n0 += LANES) {
     const int n_lanes = n_states - n0 < LANES ? (int)(n_states - n0) : LANES;
     for (int v = 0; v < LANES; ++v) {
       const int64_t n = v < n_lanes ? n0 + v : n_states - 1;
-      for (int k = 0; k < N_X; ++k) ((lanes)batch.x)[k][v] = x_nx[n * N_X + k];
+      for (int k = 0; k < N_X; ++k) ((lanes)at.x)[k][v] = x_nx[n * N_X + k];
     }
-    evaluate_points(level, &batch, parameters);
+    if (level == TMC_ENERGY)
+      point_energy(x, parameters, psi);
+    else if (level == TMC_GRADIENT)
+      point_gradient(x, parameters, psi, g);
+    else
+      point_tangent(x, parameters, psi, g, h);
     for (int v = 0; v < n_lanes; ++v) {
       const int64_t n = n0 + v;
-      psi_n[n] = ((double *)&batch.psi)[v];
+      psi_n[n] = psi[v];
       if (level >= TMC_GRADIENT)
         for (int k = 0; k < N_X; ++k) g_nx[n * N_X + k] = g[k][v];
       if (level >= TMC_TANGENT)

@@ -114,6 +114,26 @@ def test_cells_are_the_sums_over_their_points(name, n_cells, n_basis, n_points, 
     assert found.inadmissible is None
 
 
+@pytest.mark.parametrize("name", ["medium_angle_damped", "medium_huhu_lulu_damped"])
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_the_second_gradient_may_be_that_of_the_first_ones_polynomials(name, degree):
+    """One array of coefficients for both, which the residual then uses once."""
+    rng = np.random.default_rng(degree)
+    kernel = kernel_of(name)
+    _, arrays = random_batch(11, 9, 20, 5, rng, degrees=(degree, degree))
+    apart = CellBatch.pack(**{**arrays, "second_sxma": arrays["gradient_stxma"][:, 0].copy()})
+    arrays["second_sxma"] = arrays["gradient_stxma"][:, 0]
+    batch = CellBatch.pack(**arrays)
+    assert batch.second_sp is batch.gradient_sp
+    u, parameters = rng.normal(scale=0.002, size=(99, 2)), kernel.parameter_array(PARAMETERS)
+    energy, _, expected, _ = by_sums(kernel, arrays, u)
+    for cells in (batch, apart):
+        residual = np.zeros_like(u)
+        values = kernel.cells(cells, u, parameters, residual)
+        np.testing.assert_allclose(values.energy_c, energy, rtol=1e-12)
+        np.testing.assert_allclose(residual, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
 @pytest.mark.parametrize("n_shapes", [1, 16, 19])
 def test_shapes_are_found_in_their_packs(n_shapes):
     """Cells of one shape, of consecutive shapes that are read in place, and of shapes in any order."""
@@ -237,6 +257,25 @@ def test_largest_step_is_the_first_root_of_the_quadratic():
         assert found == pytest.approx(positive.min() if len(positive) else np.inf, rel=1e-8)
     assert np.isinf(step).any()
     assert np.isfinite(step).any()
+
+
+@pytest.mark.parametrize(("n_pieces", "degree"), [(1, 3), (4, 2)])
+def test_largest_step_of_curved_displacements(n_pieces, degree):
+    """Against the roots of J along the line at every point, from the derivative rows of the basis."""
+    rng = np.random.default_rng(n_pieces)
+    batch, arrays = random_batch(21, 9, 18, 21, rng, degrees=(degree, 1), n_pieces=n_pieces)
+    u, du = rng.normal(scale=0.02, size=(2, 189, 2))
+    step = kernel_of("solid").max_step(batch, u, du)
+    B_sqra = rows(arrays)[:, :, :2]
+    for c, s in enumerate(arrays["shape_c"]):
+        F, dF = (np.swapaxes(B_sqra[s] @ v[arrays["nodes_ca"][c]], 1, 2) for v in (u, du))
+        F = F + np.eye(2)
+        c0, c2 = np.linalg.det(F), np.linalg.det(dF)
+        c1 = np.linalg.det(F + dF) - c0 - c2
+        roots = np.concatenate([np.roots(c) for c in np.column_stack([c2, c1, c0])])
+        assert (c0 > 0.0).all()
+        positive = roots.real[(abs(roots.imag) < 1e-12) & (roots.real > 0.0)]
+        assert step[c] == pytest.approx(positive.min(initial=np.inf), rel=1e-9)
 
 
 def test_largest_step_is_the_smallest_over_the_points():

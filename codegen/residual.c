@@ -1,0 +1,241 @@
+/* ---- Energy and residual ----
+ * Below the tangent there are no rows of the basis. The displacement gradient is made as polynomials, on each piece, by
+ * one product of coefficients and degrees of freedom, and evaluated at the points of the piece; the residual goes the
+ * same way back, transposed. The first gradient's coefficients are P_mxi, those of its potential, where that is stored,
+ * Q_mi; those of the second gradient's potential are S_mxi and of its four derivatives V_mri. T_mxi and W_mri are forces
+ * on P and V.
+ */
+
+enum { STATES = 8, STEP = sizeof(state) / sizeof(vec) }; /* points evaluated at once, and how far apart they are */
+
+/* End of the points from q on that are evaluated at once: those up to ``end`` are shared out evenly. */
+static inline int states_end(int end, int q) {
+  const int times = (end - q + STATES - 1) / STATES;
+  return q + (end - q + times - 1) / times;
+}
+
+/* P_mxi = sum_a C_xma u_ai for ``rows`` monomials and x < n_x; n_i is 2, or 4 for two displacements side by side. */
+ALWAYS_INLINE void polynomial_rows(const int rows, const int n_x, const int n_i, int n_m, int n_basis, const vec *C_xma,
+                                   const vec *u_ai, vec *P_mxi) {
+  vec sum[3][2][4];
+#pragma GCC unroll 4
+  for (int m = 0; m < rows; ++m)
+#pragma GCC unroll 2
+    for (int x = 0; x < n_x; ++x)
+#pragma GCC unroll 4
+      for (int i = 0; i < n_i; ++i) sum[m][x][i] = (vec){0.0};
+  for (int a = 0; a < n_basis; ++a) {
+    vec u[4];
+#pragma GCC unroll 4
+    for (int i = 0; i < n_i; ++i) {
+      u[i] = u_ai[n_i * a + i];
+      LOADED(u[i]);
+    }
+#pragma GCC unroll 4
+    for (int m = 0; m < rows; ++m)
+#pragma GCC unroll 2
+      for (int x = 0; x < n_x; ++x) {
+        vec C = C_xma[(x * n_m + m) * n_basis + a];
+        LOADED(C);
+#pragma GCC unroll 4
+        for (int i = 0; i < n_i; ++i) sum[m][x][i] += C * u[i];
+      }
+  }
+#pragma GCC unroll 4
+  for (int m = 0; m < rows; ++m)
+#pragma GCC unroll 2
+    for (int x = 0; x < n_x; ++x)
+#pragma GCC unroll 4
+      for (int i = 0; i < n_i; ++i) P_mxi[(n_x * m + x) * n_i + i] = sum[m][x][i];
+}
+
+/* Coefficients [m][x][i] from degrees of freedom [a][i]. */
+ALWAYS_INLINE void to_polynomials(const int n_x, const int n_i, int n_m, int n_basis, const vec *C_xma, const vec *u_ai,
+                                  vec *P_mxi) {
+  const int rows = MAX_TILE < 4 || n_x * n_i > 4 ? 1 : 3; /* 12 sums at most */
+  int m = 0;
+  for (; m + rows <= n_m; m += rows)
+    polynomial_rows(rows, n_x, n_i, n_m, n_basis, C_xma + m * n_basis, u_ai, P_mxi + n_x * n_i * m);
+  for (; m < n_m; ++m) polynomial_rows(1, n_x, n_i, n_m, n_basis, C_xma + m * n_basis, u_ai, P_mxi + n_x * n_i * m);
+}
+
+/* The transposed way for ``rows`` basis functions: R_ai += sum_mx C_xma T_mxi. */
+ALWAYS_INLINE void node_rows(const int rows, const int n_x, int n_m, int n_basis, const vec *C_xma, const vec *T_mxi,
+                             vec *R_ai) {
+  vec sum[4][2];
+#pragma GCC unroll 4
+  for (int a = 0; a < rows; ++a)
+#pragma GCC unroll 2
+    for (int i = 0; i < 2; ++i) sum[a][i] = R_ai[2 * a + i];
+  for (int m = 0; m < n_m; ++m)
+#pragma GCC unroll 2
+    for (int x = 0; x < n_x; ++x) {
+      vec T0 = T_mxi[2 * (n_x * m + x)], T1 = T_mxi[2 * (n_x * m + x) + 1];
+      LOADED(T0);
+      LOADED(T1);
+#pragma GCC unroll 4
+      for (int a = 0; a < rows; ++a) {
+        vec C = C_xma[(x * n_m + m) * n_basis + a];
+        LOADED(C);
+        sum[a][0] += C * T0;
+        sum[a][1] += C * T1;
+      }
+    }
+#pragma GCC unroll 4
+  for (int a = 0; a < rows; ++a)
+#pragma GCC unroll 2
+    for (int i = 0; i < 2; ++i) R_ai[2 * a + i] = sum[a][i];
+}
+
+/* Forces T on the coefficients are added to the residual. */
+ALWAYS_INLINE void to_nodes(const int n_x, int n_m, int n_basis, const vec *C_xma, const vec *T_mxi, vec *R_ai) {
+  for (int a = 0, end; a < n_basis; a = end) {
+    end = tile_end(n_basis, a);
+    if (end - a == 4)
+      node_rows(4, n_x, n_m, n_basis, C_xma + a, T_mxi, R_ai + 2 * a);
+    else if (end - a == 3)
+      node_rows(3, n_x, n_m, n_basis, C_xma + a, T_mxi, R_ai + 2 * a);
+    else
+      for (; a < end; ++a) node_rows(1, n_x, n_m, n_basis, C_xma + a, T_mxi, R_ai + 2 * a);
+  }
+}
+
+/* Polynomials [m][x][i] of the first gradient on a piece; where a potential is stored, it is made in Q_mi. */
+ALWAYS_INLINE void first_gradient(const int n_i, const workspace *work, const tmc_batch *batch, int piece, vec *Q_mi,
+                                  vec *P_mxi) {
+  const int degree = batch->gradient_degree, n = batch->n_basis, n_stored = stored_on_piece(batch);
+  const vec *C = work->gradient + (size_t)piece * n_stored * n;
+  if (!batch->has_potential) {
+    to_polynomials(2, n_i, dimension(degree), n, C, work->u_ai, P_mxi);
+    return;
+  }
+  to_polynomials(1, n_i, n_stored, n, C, work->u_ai, Q_mi);
+  for (int d = 0; d <= degree; ++d, Q_mi += n_i) /* Q stands at xi^(d + 1 - b) eta^b */
+    for (int b = 0; b <= d; ++b, Q_mi += n_i, P_mxi += 2 * n_i) {
+      const vec by_xi = *work->scale * (double)(d + 1 - b), by_eta = *work->scale * (double)(b + 1);
+      for (int i = 0; i < n_i; ++i) {
+        P_mxi[i] = by_xi * Q_mi[i];
+        P_mxi[n_i + i] = by_eta * Q_mi[n_i + i];
+      }
+    }
+}
+
+/* The transposed way: forces T on these polynomials are added to the residual. */
+static void first_forces(const workspace *work, const tmc_batch *batch, int piece, vec *Q_mi, const vec *T_mxi) {
+  const int degree = batch->gradient_degree, n = batch->n_basis, n_stored = stored_on_piece(batch);
+  const vec *C = work->gradient + (size_t)piece * n_stored * n;
+  if (!batch->has_potential) {
+    to_nodes(2, dimension(degree), n, C, T_mxi, work->R_ai);
+    return;
+  }
+  memset(Q_mi, 0, 2 * (size_t)n_stored * sizeof(vec));
+  vec *to = Q_mi;
+  for (int d = 0; d <= degree; ++d, to += 2)
+    for (int b = 0; b <= d; ++b, to += 2, T_mxi += 4) {
+      const vec by_xi = *work->scale * (double)(d + 1 - b), by_eta = *work->scale * (double)(b + 1);
+      for (int i = 0; i < 2; ++i) {
+        to[i] += by_xi * T_mxi[i];
+        to[2 + i] += by_eta * T_mxi[2 + i];
+      }
+    }
+  to_nodes(1, n_stored, n, C, Q_mi, work->R_ai);
+}
+
+/* Coefficients [m][r][i] of the four second derivatives: d1 of both directions of S, then d2. */
+static void differentiate_polynomials(int degree, const vec *inverse_h, const vec *S_mxi, vec *V_mri) {
+  for (int d = 0, m = 0; d < degree; ++d)
+    for (int b = 0; b <= d; ++b, ++m) {
+      const vec by_xi = *inverse_h * (double)(d - b + 1), by_eta = *inverse_h * (double)(b + 1);
+      const vec *from = S_mxi + 4 * (dimension(d) + b);
+      for (int k = 0; k < 4; ++k) {
+        V_mri[8 * m + k] = by_xi * from[k];
+        V_mri[8 * m + 4 + k] = by_eta * from[4 + k];
+      }
+    }
+}
+
+/* The transposed way: forces W on the derivatives are added to those on S. */
+static void add_differentiated(int degree, const vec *inverse_h, const vec *W_mri, vec *S_mxi) {
+  for (int d = 0, m = 0; d < degree; ++d)
+    for (int b = 0; b <= d; ++b, ++m) {
+      const vec by_xi = *inverse_h * (double)(d - b + 1), by_eta = *inverse_h * (double)(b + 1);
+      vec *to = S_mxi + 4 * (dimension(d) + b);
+      for (int k = 0; k < 4; ++k) {
+        to[k] += by_xi * W_mri[8 * m + k];
+        to[4 + k] += by_eta * W_mri[8 * m + 4 + k];
+      }
+    }
+}
+
+static void weight_monomials(workspace *work, int n_m, int n_q) {
+  for (int q = 0; q < n_q; ++q)
+    for (int m = 0; m < n_m; ++m) work->wm_qm[q * n_m + m] = work->weights[q] * work->m_mq[m * n_q + q];
+}
+
+static int64_t cells_below_tangent(const tmc_batch *batch, const double *u_ni, const double *parameters,
+                                   double *energy_c, double *min_j_c, double *residual_ni) {
+  workspace work;
+  if (!allocate(&work, batch, 0)) return -2;
+  const int n = batch->n_basis, n_q = batch->n_points, n_1 = dimension(batch->gradient_degree);
+  const int second_degree = N_ROWS > 2 ? batch->second_degree : 0;
+  const int n_2 = dimension(second_degree), n_lower = dimension(second_degree - 1);
+  const int n_m = dimension(monomial_degree(batch));
+  /* the second gradient is often that of the first gradient's own polynomials */
+  const int own = N_ROWS > 2 && batch->n_pieces == 1 && batch->second_spxma == batch->gradient_sptxma;
+  vec *P_mxi = work.polynomials, *T_mxi = P_mxi + 4 * n_1, *S_mxi = T_mxi + 4 * n_1;
+  vec *V_mri = S_mxi + 4 * n_2, *W_mri = V_mri + 8 * n_lower, *Q_mi = W_mri + 8 * n_lower;
+  state states[STATES];
+  memset(states, 0, sizeof states); /* entries that vanish identically are never written */
+  int64_t inadmissible = -1;
+
+  for (int64_t c0 = 0; c0 < batch->n_cells; c0 += LANES) {
+    if (take_shapes(&work, batch, c0) && residual_ni) weight_monomials(&work, n_m, n_q);
+    gather_nodes(batch, c0, u_ni, 2, work.u_ai);
+    vec energy = {0.0}, min_j = (vec){0.0} + INFINITY;
+    if (residual_ni) {
+      memset(work.R_ai, 0, 2 * (size_t)n * sizeof(vec));
+      memset(W_mri, 0, 8 * (size_t)n_lower * sizeof(vec));
+    }
+    if (n_lower && !own) {
+      to_polynomials(2, 2, n_2, n, work.second, work.u_ai, S_mxi);
+      differentiate_polynomials(second_degree, work.scale, S_mxi, V_mri);
+    }
+    for (int q = 0, end; q < n_q; q = end) {
+      end = piece_end(batch, q);
+      first_gradient(2, &work, batch, batch->piece_q[q], Q_mi, P_mxi);
+      if (own) differentiate_polynomials(second_degree, work.scale, P_mxi, V_mri);
+      for (int q0 = q, q1; q0 < end; q0 = q1) {
+        q1 = states_end(end, q0);
+        product(0, 0, q1 - q0, 4, n_1, work.m_mq + q0, n_q, P_mxi, 4, states->x, STEP);
+        if (N_ROWS > 2) product(0, 0, q1 - q0, 8, n_lower, work.m_mq + q0, n_q, V_mri, 8, states->x + 4, STEP);
+        for (int p = 0; p < q1 - q0; ++p) {
+          state *at = states + p;
+          const vec w = work.weights[q0 + p];
+          lower(&min_j, at->x);
+          if (residual_ni)
+            point_gradient((const_lanes)at->x, parameters, (double *)&at->psi, (lanes)at->g);
+          else
+            point_energy((const_lanes)at->x, parameters, (double *)&at->psi);
+          energy += w * at->psi;
+        }
+        if (residual_ni) {
+          product(0, q0 > q, n_1, 4, q1 - q0, work.wm_qm + q0 * n_m, n_m, states->g, STEP, T_mxi, 4);
+          if (N_ROWS > 2) product(0, 1, n_lower, 8, q1 - q0, work.wm_qm + q0 * n_m, n_m, states->g + 4, STEP, W_mri, 8);
+        }
+      }
+      if (residual_ni) {
+        if (own) add_differentiated(second_degree, work.scale, W_mri, T_mxi);
+        first_forces(&work, batch, batch->piece_q[q], Q_mi, T_mxi);
+      }
+    }
+    if (residual_ni && n_lower && !own) {
+      memset(S_mxi, 0, 4 * (size_t)n_2 * sizeof(vec));
+      add_differentiated(second_degree, work.scale, W_mri, S_mxi);
+      to_nodes(2, n_2, n, work.second, S_mxi, work.R_ai);
+    }
+    store_energies(batch, c0, &energy, &min_j, energy_c, min_j_c, &inadmissible);
+    if (residual_ni) add_to_nodes(batch, c0, work.R_ai, residual_ni);
+  }
+  free(work.allocated);
+  return inadmissible;
+}

@@ -1,0 +1,186 @@
+/* ---- What LANES cells are made of: coefficients, weights, monomials, degrees of freedom ---- */
+
+enum { POINTS_AT_ONCE = 4 }; /* points whose products w D B are kept in the cache before they are contracted */
+
+typedef struct {
+  const vec *weights, *gradient, *second, *scale; /* in the shapes' packs, or gathered: */
+  vec *w_q, *xi_qx, *stored_gradient, *second_xma, *inverse_h;
+  vec *m_mq;              /* monomials at the points */
+  int32_t shape_v[LANES]; /* whose all of this is */
+  int any;                /* whether it is anybody's yet */
+  vec *u_ai, *R_ai;
+  /* Below the tangent, see residual.c. */
+  vec *polynomials; /* of the displacement gradient, and of its forces */
+  vec *wm_qm;       /* weights times monomials */
+  /* For tangents. */
+  vec *gradient_txma;  /* where a potential is stored */
+  vec *B_qra;          /* derivative rows */
+  vec *D_kqra;         /* w D B of the blocks k = xx, xy, yy for POINTS_AT_ONCE points */
+  vec *K_kab;          /* the tangent's blocks */
+  vec *derivative_xma; /* coefficients of the four second derivatives */
+  void *allocated;     /* all of the above that is not where the shapes have it */
+} workspace;
+
+static inline int dimension(int degree) { return degree < 0 ? 0 : (degree + 1) * (degree + 2) / 2; }
+
+/* Degree up to which monomials are needed at the points. */
+static inline int monomial_degree(const tmc_batch *batch) {
+  const int second = N_ROWS > 2 ? batch->second_degree - 1 : 0;
+  return second > batch->gradient_degree ? second : batch->gradient_degree;
+}
+
+/* Stored coefficients of the first gradient on one piece, for every basis function. */
+static inline int stored_on_piece(const tmc_batch *batch) {
+  const int degree = batch->gradient_degree;
+  return batch->has_potential ? dimension(degree + 1) - 1 : 2 * dimension(degree);
+}
+
+static int allocate(workspace *work, const tmc_batch *batch, int tangent) {
+  const size_t n = batch->n_basis, n_q = batch->n_points, n_1 = dimension(batch->gradient_degree);
+  const size_t n_2 = dimension(batch->second_degree), n_m = dimension(monomial_degree(batch));
+  const struct {
+    vec **part;
+    size_t size;
+    int wanted;
+  } parts[] = {
+      {&work->w_q, n_q, 1},
+      {&work->xi_qx, 2 * n_q, 1},
+      {&work->stored_gradient, stored_on_piece(batch) * n * batch->n_pieces, 1},
+      {&work->second_xma, 2 * n_2 * n, 1},
+      {&work->inverse_h, 1, 1},
+      {&work->m_mq, n_m * n_q, 1},
+      {&work->u_ai, 4 * n, 1}, /* two displacements side by side for the largest step */
+      {&work->R_ai, 2 * n, 1},
+      {&work->polynomials, 16 * n_1 + 20 * n_2, !tangent},
+      {&work->wm_qm, n_m * n_q, !tangent},
+      {&work->gradient_txma, 2 * n_1 * n * batch->n_pieces, tangent && batch->has_potential},
+      {&work->B_qra, n_q * N_ROWS * n, tangent},
+      {&work->D_kqra, 3 * POINTS_AT_ONCE * N_ROWS * n, tangent},
+      {&work->K_kab, 3 * n * n, tangent},
+      {&work->derivative_xma, 4 * n_2 * n, tangent},
+  };
+  size_t total = 0;
+  for (size_t p = 0; p < sizeof parts / sizeof *parts; ++p) total += parts[p].wanted ? parts[p].size : 0;
+  work->allocated = malloc((total + 1) * sizeof(vec));
+  if (!work->allocated) return 0;
+  vec *next = (vec *)(((uintptr_t)work->allocated + sizeof(vec) - 1) / sizeof(vec) * sizeof(vec));
+  for (size_t p = 0; p < sizeof parts / sizeof *parts; ++p)
+    if (parts[p].wanted) {
+      *parts[p].part = next;
+      next += parts[p].size;
+    }
+  work->any = 0;
+  return 1;
+}
+
+/* ``n`` values of each of LANES shapes: where they are if the shapes are one aligned pack, else gathered. */
+static const vec *of_shapes(const double *values_sp, size_t n, const int32_t *shape_v, vec *gathered) {
+  int one_pack = shape_v[0] % LANES == 0;
+  for (int v = 1; v < LANES; ++v) one_pack &= shape_v[v] == shape_v[0] + v;
+  const double *pack = values_sp + (size_t)shape_v[0] * n;
+  if (one_pack && (uintptr_t)pack % sizeof(vec) == 0) return (const vec *)pack;
+  for (int v = 0; v < LANES; ++v) {
+    const double *from = values_sp + (size_t)(shape_v[v] / LANES) * n * LANES + shape_v[v] % LANES;
+    for (size_t i = 0; i < n; ++i) ((lanes)gathered)[i][v] = from[i * LANES];
+  }
+  return gathered;
+}
+
+/* Monomials xi^a eta^b up to a degree, by degree, then by b. */
+static void monomials(int degree, int n_points, const vec *xi_qx, vec *m_mq) {
+  for (int q = 0; q < n_points; ++q) {
+    vec *lower = m_mq + q, *upper = lower + n_points;
+    *lower = (vec){0.0} + 1.0;
+    for (int d = 1; d <= degree; ++d) {
+      for (int b = 0; b < d; ++b, lower += n_points, upper += n_points) *upper = *lower * xi_qx[2 * q];
+      *upper = lower[-n_points] * xi_qx[2 * q + 1];
+      upper += n_points;
+    }
+  }
+}
+
+/* Coefficients, weights and monomials of the cells from first_cell on. Returns 0 and does nothing if their shapes are
+ * those of the call before. */
+static int take_shapes(workspace *work, const tmc_batch *batch, int64_t first_cell) {
+  int32_t shape_v[LANES];
+  for (int v = 0; v < LANES; ++v) {
+    const int64_t c = first_cell + v;
+    shape_v[v] = batch->shape_c[c < batch->n_cells ? c : batch->n_cells - 1]; /* lanes past the end repeat the last */
+  }
+  if (work->any && memcmp(shape_v, work->shape_v, sizeof shape_v) == 0) return 0;
+  const int n_here = batch->n_cells - first_cell < LANES ? (int)(batch->n_cells - first_cell) : LANES;
+  if (shape_v[n_here - 1] == shape_v[0] + n_here - 1) /* lanes past the end may as well have the rest of the pack */
+    for (int v = n_here; v < LANES && shape_v[v - 1] % LANES < LANES - 1; ++v) shape_v[v] = shape_v[v - 1] + 1;
+  memcpy(work->shape_v, shape_v, sizeof shape_v);
+  work->any = 1;
+
+  const size_t n = batch->n_basis, n_q = batch->n_points;
+  const vec *xi_qx = of_shapes(batch->xi_spqx, 2 * n_q, shape_v, work->xi_qx);
+  work->gradient = of_shapes(batch->gradient_sptxma, batch->n_pieces * stored_on_piece(batch) * n, shape_v,
+                             work->stored_gradient);
+  work->scale = of_shapes(batch->inverse_h_sp, 1, shape_v, work->inverse_h);
+  work->weights = of_shapes(batch->w_spq, n_q, shape_v, work->w_q);
+  if (N_ROWS > 2) {
+    work->second = of_shapes(batch->second_spxma, 2 * (size_t)dimension(batch->second_degree) * n, shape_v,
+                             work->second_xma);
+  }
+  monomials(monomial_degree(batch), (int)n_q, xi_qx, work->m_mq);
+  return 1;
+}
+
+/* End of the points that lie on the piece of point q. */
+static inline int piece_end(const tmc_batch *batch, int q) {
+  const int piece = batch->piece_q[q];
+  while (++q < batch->n_points && batch->piece_q[q] == piece) {
+  }
+  return q;
+}
+
+/* Degrees of freedom, ``columns`` apart, without the translation of the cell's first node: it has no gradient, and a
+ * stiff body that moves far would get forces from rounding by it. */
+static void gather_nodes(const tmc_batch *batch, int64_t first_cell, const double *u_ni, int columns, vec *u_ai) {
+  for (int v = 0; v < LANES; ++v) {
+    const int64_t c = first_cell + v < batch->n_cells ? first_cell + v : batch->n_cells - 1;
+    const int32_t *nodes_a = batch->nodes_ca + c * batch->n_basis;
+    const double *first_i = u_ni + 2 * (int64_t)nodes_a[0];
+    for (int a = 0; a < batch->n_basis; ++a)
+      for (int i = 0; i < 2; ++i) {
+        const double translation = a < batch->n_translated ? first_i[i] : 0.0;
+        ((lanes)u_ai)[columns * a + i][v] = u_ni[2 * (int64_t)nodes_a[a] + i] - translation;
+      }
+  }
+}
+
+static void add_to_nodes(const tmc_batch *batch, int64_t first_cell, const vec *R_ai, double *residual_ni) {
+  for (int v = 0; v < LANES && first_cell + v < batch->n_cells; ++v) {
+    const int32_t *nodes_a = batch->nodes_ca + (first_cell + v) * batch->n_basis;
+    for (int a = 0; a < batch->n_basis; ++a)
+      for (int i = 0; i < 2; ++i) residual_ni[2 * (int64_t)nodes_a[a] + i] += ((const_lanes)R_ai)[2 * a + i][v];
+  }
+}
+
+/* ---- States at points ---- */
+
+typedef struct {
+  vec x[N_X], psi, g[N_X];
+} state;
+
+/* Smallest J so far; a NaN is taken over and stays. */
+static void lower(vec *min_j, const vec *x) {
+  const_lanes H = (const_lanes)x;
+  for (int v = 0; v < LANES; ++v) {
+    const double before = ((double *)min_j)[v], here = jacobian(H[0][v], H[1][v], H[2][v], H[3][v]);
+    ((double *)min_j)[v] = !(here >= before) && before == before ? here : before;
+  }
+}
+
+/* Energies and smallest J of the cells; the first cell with J <= 0 becomes ``inadmissible`` if there was none. */
+static void store_energies(const tmc_batch *batch, int64_t first_cell, const vec *energy, const vec *min_j,
+                           double *energy_c, double *min_j_c, int64_t *inadmissible) {
+  for (int v = 0; v < LANES && first_cell + v < batch->n_cells; ++v) {
+    const int64_t c = first_cell + v;
+    energy_c[c] = ((const double *)energy)[v];
+    min_j_c[c] = ((const double *)min_j)[v];
+    if (*inadmissible < 0 && !(min_j_c[c] > 0.0)) *inadmissible = c;
+  }
+}
