@@ -46,7 +46,11 @@ def test_kernels_make_the_gradient_from_its_potential(name, degree, n_pieces, n_
     u, du = rng.normal(scale=0.01 / n_basis, size=(2, n_cells * n_basis, 2))
     for expected, found in zip(run(kernel, batch, u)[1:], run(kernel, compact, u)[1:], strict=True):
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
-    energies = [kernel.cells(b, u, kernel.parameter_array(PARAMETERS)).energy_c for b in (batch, compact)]
+    alone, parameters = np.zeros_like(u), kernel.parameter_array(PARAMETERS)
+    kernel.cells(compact, u, parameters, alone)  # below the tangent the potential itself is used
+    residual = run(kernel, batch, u)[1]
+    np.testing.assert_allclose(alone, residual, rtol=0, atol=1e-12 * np.abs(residual).max())
+    energies = [kernel.cells(b, u, parameters).energy_c for b in (batch, compact)]
     np.testing.assert_allclose(energies[1], energies[0], rtol=1e-12)
     np.testing.assert_allclose(kernel.max_step(compact, u, 9.0 * du), kernel.max_step(batch, u, 9.0 * du), rtol=1e-10)
     shapes = np.array([3, 0, 17])
