@@ -78,9 +78,14 @@ def _parasitic_force(history: Sequence[StepRecord], media: Sequence[str]) -> lis
     if share <= PARASITIC_FORCE:
         return []
     return [
-        f"the medium takes {share:.0%} of the work before contact (load {before.load:.3g}; more than "
+        f"the medium takes {_percent(share)} of the work before contact (load {before.load:.3g}; more than "
         f"{PARASITIC_FORCE:.0%} shows in the reaction): use a smaller gamma"
     ]
+
+
+def _percent(share: float) -> str:
+    """A share above a limit of a few percent, never the limit itself."""
+    return f"{share:.1%}" if share < 0.1 else f"{share:.0%}"
 
 
 def _energy(last: StepRecord, media: Sequence[str]) -> list[str]:
@@ -88,7 +93,9 @@ def _energy(last: StepRecord, media: Sequence[str]) -> list[str]:
     share = sum(last.energy[name] for name in media) / total if total > 0.0 else 0.0
     if share <= MEDIUM_ENERGY:
         return []
-    return [f"the medium holds {share:.0%} of the energy (above {MEDIUM_ENERGY:.0%}): use a smaller gamma or alpha_r"]
+    return [
+        f"the medium holds {_percent(share)} of the energy (above {MEDIUM_ENERGY:.0%}): use a smaller gamma or alpha_r"
+    ]
 
 
 def _jacobians(last: StepRecord, media: Sequence[str]) -> list[str]:

@@ -39,7 +39,7 @@ def test_a_good_result_has_no_warnings() -> None:
         ([record(0.5, jumped=True), record()], "jumped to another one at load 0.5"),
         ([record(min_j={"solid": 0.1, "medium": 0.01})], "smallest J in region 'solid' is 0.1, below 0.2"),
         ([record(min_j={"solid": 0.8, "medium": 1e-7})], "smallest J in region 'medium' is 1e-07, below 1e-06"),
-        ([record(energy={"solid": 1.0, "medium": 0.1})], "the medium holds 9% of the energy"),
+        ([record(energy={"solid": 1.0, "medium": 0.1})], "the medium holds 9.1% of the energy"),
         (
             [record(0.1, min_j={"solid": 1, "medium": 0.9}, energy={"solid": 0.1, "medium": 0.05}), record()],
             "the medium takes 33% of the work before contact",

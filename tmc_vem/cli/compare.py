@@ -85,7 +85,8 @@ def box(uy: float, factors: tuple[int, ...], out: Path, jobs: int, quick: bool, 
 
     \b
       tmc-vem compare box --quick --out runs/compare
-      tmc-vem compare box --gamma 1e-4 --alpha-r 1 --factor 2 --factor 4 --factor 8
+      tmc-vem compare box --gamma 1e-4 --factor 2 --factor 4 --factor 8
+      tmc-vem compare box --quick --regulariser my_reg.py:f --param kappa=0.1
     """
     from tmc_vem.compare import box_study
 

@@ -157,6 +157,7 @@ def box(cells: tuple[int, int], cell_kind: str, refine_medium: int, uy: float, *
     \b
       tmc-vem run box --alpha-r 1 --gamma 1e-5 --cells 40 10 --out runs/box
       tmc-vem run box --alpha-r 0.1 --gamma 1e-6 --json > box.json
+      tmc-vem run box --regulariser my_reg.py:bending --param kappa=0.1
       mpirun -n 2 tmc-vem run box --cells 80 20 --out runs/box-80
     """
     from tmc_vem.problems import Box
@@ -185,7 +186,7 @@ def cbox(cells: tuple[int, int], solid_cells: str | None, refine_medium: int, uy
     The tip of the upper arm is pushed down onto the lower arm. Examples:
 
     \b
-      tmc-vem run cbox --uy -0.5 --gamma 1e-5 --alpha-r 1 --refine-medium 2 --out runs/cbox
+      tmc-vem run cbox --refine-medium 2 --out runs/cbox
       tmc-vem run cbox --uy -1 --alpha-r 20 --out runs/cbox-20
     """
     from tmc_vem.problems import CBox
