@@ -53,7 +53,8 @@ def fields_of(source: FieldSource, u: Any, polygons: Polygons | None = None) -> 
 
 def gather_fields(source: FieldSource, u: Any) -> Fields | None:
     """Fields of all cells on rank 0, None elsewhere."""
-    parts = source.comm.gather(fields_of(source, u))
+    mine = fields_of(source, u)
+    parts = [mine] if source.comm.size == 1 else source.comm.gather(mine)
     return Fields.merge(parts) if parts else None
 
 
