@@ -11,7 +11,10 @@ ROOT = Path(__file__).parents[2]
 # page: (title, packages and modules in it, of tmc_vem or beside it); modules that are not named stand on the first page
 PAGES = {
     "run": ("Problems and runs", ("simulation", "problem_file", "problems")),
-    "results": ("Results and fields", ("results", "export", "sample", "fields", "output", "checkpoint", "report")),
+    "results": (
+        "Results and fields",
+        ("results", "export", "sample", "fields", "vtu", "output", "checkpoint", "report"),
+    ),
     "energy": ("Energies", ("energy",)),
     "codegen": ("Code generator", ("codegen",)),
     "mesh": ("Meshes", ("mesh",)),
