@@ -129,6 +129,11 @@ class CellBatch:
         """Scalar basis functions of a cell."""
         return self.nodes_ca.shape[1]
 
+    @cached_property
+    def n_nodes(self) -> int:
+        """Nodes that there are at least: the largest number of a node and one."""
+        return int(self.nodes_ca.max(initial=-1)) + 1
+
     @property
     def n_points(self) -> int:
         """Quadrature points of a cell."""

@@ -189,9 +189,8 @@ class Kernel:
 
 
 def _nodal(name: str, u_ni: Array, batch: CellBatch) -> Array:
-    n_nodes = int(batch.nodes_ca.max(initial=-1)) + 1
-    if np.ndim(u_ni) != 2 or np.shape(u_ni)[1] != 2 or len(u_ni) < n_nodes:
-        raise ValueError(f"{name} has shape {np.shape(u_ni)}, expected ({n_nodes} or more, 2)")
+    if np.ndim(u_ni) != 2 or np.shape(u_ni)[1] != 2 or len(u_ni) < batch.n_nodes:
+        raise ValueError(f"{name} has shape {np.shape(u_ni)}, expected ({batch.n_nodes} or more, 2)")
     return np.ascontiguousarray(u_ni, dtype=np.float64)
 
 

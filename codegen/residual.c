@@ -6,7 +6,7 @@
  * on P and V.
  */
 
-enum { STATES = 8, STEP = sizeof(state) / sizeof(vec) }; /* points evaluated at once, and how far apart they are */
+enum { STATES = 16, STEP = sizeof(state) / sizeof(vec) }; /* points evaluated at once, and how far apart they are */
 
 /* End of the points from q on that are evaluated at once: those up to ``end`` are shared out evenly. */
 static inline int states_end(int end, int q) {

@@ -136,9 +136,10 @@ class VemSystem:
     def residual(self, u: Any, out: Any) -> Evaluation:
         """Full gradient of the potential into ``out``; its constrained entries are the reactions."""
         u_nodes = self._local_values(u)
-        total = np.zeros((self.dofmap.n_nodes, 2)) if self._load_nodes is None else -self._load_nodes
+        total = self._work.getArray().reshape(-1, 2)
+        total[:] = 0.0 if self._load_nodes is None else -self._load_nodes
         values = self._together(lambda: self._evaluate(u_nodes, total))
-        self._add(total.ravel(), out)
+        self._add_work(out)
         return self._evaluation(values, u_nodes)
 
     def jacobian(self, u: Any, out: Any) -> None:
@@ -409,6 +410,10 @@ class VemSystem:
     def _add(self, total: Float, out: Any) -> None:
         """Sum the ranks' contributions to shared nodes into a global vector."""
         self._work.getArray()[:] = total
+        self._add_work(out)
+
+    def _add_work(self, out: Any) -> None:
+        """The same for what is in the work vector."""
         out.set(0.0)
         self.dofmap.dm.localToGlobal(self._work, out, addv=PETSc.InsertMode.ADD_VALUES)
 
