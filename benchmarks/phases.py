@@ -2,7 +2,7 @@
 
     python benchmarks/phases.py
 
-Box of 16k degrees of freedom with its run directory, alpha_r = 1, gamma = 1e-5. A run is the best of three, each in a
+Box of 16k degrees of freedom with its run directory, alpha_r = 1, gamma = 1e-5. A run is the best of five, each in a
 process of its own, which has to load what it needs; what a program loads before it starts a run is in startup.py.
 """
 
@@ -44,7 +44,7 @@ def of_run(kind: str) -> dict[str, Any]:
     return {**numbers, "seconds": dict(result.seconds)}
 
 
-def best_run(kind: str, repetitions: int = 3) -> dict[str, Any]:
+def best_run(kind: str, repetitions: int = 5) -> dict[str, Any]:
     """The fastest of several runs, each in a new process."""
     found = []
     for _ in range(repetitions):
