@@ -16,7 +16,7 @@ from tmc_vem import Box, Medium, RunOptions, RunResult, run
 from tmc_vem.errors import InputError
 from tmc_vem.gauge import Gauge
 from tmc_vem.places import Places
-from tmc_vem.probes import RESERVED, Displacement, Gap, MeanJ, Position, Probe, Reaction
+from tmc_vem.probes import RESERVED, Displacement, Gap, MeanJ, Position, Probe, Reaction, check_probes
 from tmc_vem.problems.wrapped import Probed
 from tmc_vem.results import StepRecord
 from tmc_vem.units import Units
@@ -124,7 +124,6 @@ def test_mean_j_of_known_states_on_cells_of_many_sizes() -> None:
         ("reaction", Displacement("ux", "load"), "reaction: history.csv has a column of that name already"),
         ("energy_x", Displacement("ux", "load"), "energy_x: history.csv has a column"),
         ("a b", Displacement("ux", "load"), "'a b': use letters, digits"),
-        ("gap", Displacement("ux", "load"), "gap: reports take it for a distance"),
         ("p", Displacement("ux", "nowhere"), "probes: p: the mesh has no named point 'nowhere'"),
         ("p", Displacement("ux", (2.5, 0.1)), r"probes: p: point \(2.5, 0.1\) lies 0.5 outside of the mesh, whose "
          r"nearest point is \(2, 0.1\)"),
@@ -141,6 +140,13 @@ def test_wrong_probes_are_refused_before_anything_is_written(
     with pytest.raises(InputError, match=words):
         run(Probed(BOX, {name: probe}), tmp_path / "out", RunOptions(method))
     assert not (tmp_path / "out").exists()
+
+
+def test_a_name_twice_and_a_gap_that_is_none_are_refused() -> None:
+    with pytest.raises(InputError, match="probes: gap: problem 'box' has one already"):
+        Probed(BOX, {"gap": Gap((0.5, 0.0), (0.5, 0.5))})
+    with pytest.raises(InputError, match="gap: reports take it for a distance"):
+        check_probes({"gap": Displacement("ux", "load")}, BOX.prescribed(), ("solid", "medium"))
 
 
 def test_wrong_components_and_units_are_refused() -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tmc_vem.constraints import Prescribed
+from tmc_vem.errors import InputError
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.probes import Probe, as_plain
 from tmc_vem.problems.base import Problem, RegionEnergy
@@ -62,10 +63,18 @@ class Probed(Wrapped):
     """A problem with more probes, ``Probed(Box(), {"side": Displacement("ux", (0.0, 0.25))})``.
 
     Attributes:
-        more: probes by name; one of a name that the problem has too takes its place.
+        more: probes by name.
+
+    Raises:
+        InputError: the problem has a probe of such a name already.
     """
 
     more: Mapping[str, Probe]
+
+    def __post_init__(self) -> None:
+        for name in self.more:
+            if name in self.problem.probes():
+                raise InputError(f"probes: {name}: problem '{self.name}' has one already; choose another name")
 
     def probes(self) -> Mapping[str, Probe]:
         """Probes of the problem, and more."""
