@@ -97,9 +97,12 @@ Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1}; Physical Surface("block") 
 
 def test_the_command_line_refuses_them_in_one_line(tmp_path: Path, capsys: Any) -> None:
     pytest.importorskip("gmsh")
-    (tmp_path / "fine.geo").write_text(GEO.replace("H", "0.0005"))
+    for name, size in (("fine", "0.0005"), ("finest", "1e-9")):
+        (tmp_path / f"{name}.geo").write_text(GEO.replace("H", size))
     file = 'name = "a"\n[mesh]\nfile = "fine.geo"\n[regions.block]\nsolid = { K = 2, mu = 1 }\n[[support]]\n'
-    (tmp_path / "geo.toml").write_text(file + 'at = "b"\nux = 0\n[load]\nat = "b"\nuy = 1\n')
+    file += 'at = "b"\nux = 0\n[load]\nat = "b"\nuy = 1\n'
+    (tmp_path / "geo.toml").write_text(file)
+    (tmp_path / "finest.toml").write_text(file.replace("fine.geo", "finest.geo"))
     plug, out = small(tmp_path, SMALL.replace("size = 0.1", "size = 0.0001")), tmp_path / "out.vtu"
     voronoi = tmp_path / "voronoi.toml"
     refined = "size = 0.1\nrefine = [{ near = [[0, 0.4], [1, 0.4]], size = 1e-8 }]"
@@ -109,6 +112,7 @@ def test_the_command_line_refuses_them_in_one_line(tmp_path: Path, capsys: Any) 
         ["run", str(plug)],
         ["run", str(voronoi)],
         ["run", str(tmp_path / "geo.toml")],
+        ["run", str(tmp_path / "finest.toml")],
         ["run", "punch", "--size", "1e-5"],
         [
             "run",

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
-from tmc_vem.mesh.budget import QUADRILATERALS, TRIANGLES, check_cells, check_size
+from tmc_vem.mesh.budget import QUADRILATERALS, TRIANGLES, check_cells, check_size, most_cells
 from tmc_vem.mesh.io import read_mesh
 from tmc_vem.mesh.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton
 from tmc_vem.mesh.parts import with_names
@@ -20,6 +20,7 @@ from tmc_vem.mesh.polygon import PolygonMesh
 Int = NDArray[np.int64]
 
 FRONTAL_DELAUNAY = 6
+SIZE_MIN = "Mesh.MeshSizeMin"
 
 
 def triangle_mesh(
@@ -95,7 +96,6 @@ def mesh_geometry(path: str | Path) -> PolygonMesh:
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.open(str(path))
-        gmsh.model.mesh.generate(1)
         _check_curves(gmsh)
         gmsh.model.mesh.generate(2)
         return from_gmsh_model()
@@ -111,7 +111,15 @@ def mesh_geometry(path: str | Path) -> PolygonMesh:
 
 
 def _check_curves(gmsh: Any) -> None:
-    """Estimate the cells from the nodes along the curves of each surface, before gmsh fills it."""
+    """Estimate the cells from the nodes along the curves of each surface, before gmsh fills it.
+
+    For this, no size is below the extent over the largest number of cells: a long curve of less has too many nodes.
+    """
+    low_x, low_y, _, high_x, high_y, _ = gmsh.model.getBoundingBox(-1, -1)
+    smallest = gmsh.option.getNumber(SIZE_MIN)
+    gmsh.option.setNumber(SIZE_MIN, max(smallest, max(high_x - low_x, high_y - low_y) / most_cells()))
+    gmsh.model.mesh.generate(1)
+    gmsh.option.setNumber(SIZE_MIN, smallest)
     n_cells = 0.0
     for dimension, surface in gmsh.model.getEntities(2):
         edges = []
@@ -123,6 +131,7 @@ def _check_curves(gmsh: Any) -> None:
         h = 2.0 * sum(lengths) / max(sum(edges), 1)  # the outline is as long as the box around it, at least
         n_cells += max(TRIANGLES * lengths[0] * lengths[1] / h**2 if h > 0.0 else 0.0, 0.5 * sum(edges))
     check_cells(n_cells, "going by the nodes that it asks for along its curves; use larger sizes in it")
+    gmsh.model.mesh.clear()
 
 
 def _start(gmsh: Any) -> bool:
