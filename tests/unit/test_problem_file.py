@@ -113,7 +113,7 @@ def test_both_methods_agree_on_the_same_triangles(tmp_path: Path) -> None:
     gaps = {}
     for method in ("vem", "fem"):
         done = tmc("run", str(path), "--method", method, "--json")
-        assert done.returncode == 0, done.stderr
+        assert done.returncode == 0, done
         result = json.loads(done.stdout)
         gaps[method] = result["gap"]
         assert result["inputs"]["medium"]["gamma"] == 1e-4
@@ -126,11 +126,11 @@ def test_run_directory_and_resume(tmp_path: Path) -> None:
     path = small(tmp_path)
     out = tmp_path / "out"
     done = tmc("run", str(path), "--out", str(out), "--steps", "3", "--quiet")
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0, done
     whole = json.loads((out / "result.json").read_text())
     (out / "result.json").unlink()
     again = tmc("resume", str(out), "--json")
-    assert again.returncode == 0, again.stderr
+    assert again.returncode == 0, again
     assert json.loads(again.stdout)["gap"] == whole["gap"]
     path.write_text(SMALL.replace("size = 0.1", "size = 0.2"))
     changed = tmc("resume", str(out))
@@ -174,7 +174,7 @@ def test_probes_and_units_reach_summary_history_and_report(method: str, tmp_path
     path = small(tmp_path, SMALL.replace("[edges]\n", PROBED).replace("[shapes]", units))
     out = tmp_path / "out"
     done = tmc("run", str(path), "--out", str(out), "--method", method)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0, done
     result = json.loads((out / "result.json").read_text())
     probes = result["probes"]
     assert probes["height"] == pytest.approx(0.9, abs=1e-10)
@@ -247,7 +247,7 @@ def test_meshes_from_files(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "strip.toml"
     path.write_text(FROM_FILE.replace("strip.geo", f"strip.{kind}"))
     done = tmc("run", str(path), "--json")
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0, done
     result = json.loads(done.stdout)
     assert "content" in result["inputs"]["mesh"]
     # a bar of length 2 and width 1, free to contract: E / (1 - nu^2) = 4 mu (lambda + mu) / (lambda + 2 mu)
