@@ -35,12 +35,17 @@ N_BATCHES, REPEATS, TARGET = 4, 3000, 2.5  # four batches stay in the first-leve
 TIMED_LOOP = """
 #include <time.h>
 double benchmark(int n_batches, int level, int repeats, const double *x_bkv, const double *parameters) {
-  static point_batch batches[N_BATCHES];
-  for (int b = 0; b < n_batches; ++b) memcpy(batches[b].x, x_bkv + (size_t)b * N_X * LANES, sizeof batches[b].x);
+  static double psi[N_BATCHES][LANES], g[N_BATCHES][N_X][LANES], h[N_BATCHES][N_H][LANES];
+  static double x[N_BATCHES][N_X][LANES];
+  memcpy(x, x_bkv, sizeof x);
   struct timespec start, end;
   clock_gettime(CLOCK_MONOTONIC, &start);
   for (int r = 0; r < repeats; ++r)
-    for (int b = 0; b < n_batches; ++b) evaluate_points(level, batches + b, parameters);
+    for (int b = 0; b < n_batches; ++b) {
+      if (level == TMC_ENERGY) point_energy(x[b], parameters, psi[b]);
+      if (level == TMC_GRADIENT) point_gradient(x[b], parameters, psi[b], g[b]);
+      if (level == TMC_TANGENT) point_tangent(x[b], parameters, psi[b], g[b], h[b]);
+    }
   clock_gettime(CLOCK_MONOTONIC, &end);
   return (end.tv_sec - start.tv_sec + 1e-9 * (end.tv_nsec - start.tv_nsec)) / ((double)repeats * n_batches * LANES);
 }
