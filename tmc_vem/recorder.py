@@ -62,7 +62,7 @@ class Recorder:
         self._on_root = system.comm.rank == 0
         self._seconds_before = 0.0
         # when to wait for the disk again, and whether it has the checkpoint that is there
-        self._durable_until, self._is_durable = 0.0, True
+        self._durable_until, self._is_durable = time.monotonic() + DURABLE, True
         self._snapshots: SnapshotWriter | None = None
         if directory is not None and times:
             self._snapshots = SnapshotWriter(system, directory.path, tuple(times), problem.units())
