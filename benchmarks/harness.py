@@ -15,6 +15,16 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+# for mpirun as root, and with more ranks than cores: of Open MPI 4, and of 5
+MPI_SETTINGS = {
+    "OMP_NUM_THREADS": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+}
+# more ranks than cores: who waits must not keep a core busy
+YIELD = {"OMPI_MCA_mpi_yield_when_idle": "1"}
 RESULTS = Path(__file__).resolve().parent.parent / "runs" / "bench"
 
 

@@ -13,6 +13,8 @@ import subprocess
 import sys
 from typing import Any
 
+from harness import MPI_SETTINGS, YIELD
+
 SMALL = {
     "box": ["box", "--cells", "40", "10", "--gamma", "1e-4"],
     "cbox": ["cbox", "--cells", "20", "10"],
@@ -28,14 +30,6 @@ FULL = {
     "bodies 1": ["bodies", "--case", "1"],
     "bodies 2": ["bodies", "--case", "2"],
 }
-SETTINGS = {
-    "OMP_NUM_THREADS": "1",
-    "OMPI_MCA_rmaps_base_oversubscribe": "1",
-    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
-    "OMPI_MCA_mpi_yield_when_idle": "1",  # more ranks than cores: who waits must not keep a core busy
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-}
 
 
 def solve(arguments: list[str], ranks: int) -> dict[str, Any]:
@@ -43,7 +37,7 @@ def solve(arguments: list[str], ranks: int) -> dict[str, Any]:
     command = ["-c", "from tmc_vem.cli.main import main; main()", "run", *arguments, "--json"]
     done = subprocess.run(
         ["mpirun", "-n", str(ranks), sys.executable, *command],
-        capture_output=True, text=True, env=os.environ | SETTINGS, check=False,
+        capture_output=True, text=True, env=os.environ | MPI_SETTINGS | YIELD, check=False,
     )  # fmt: skip
     if not done.stdout:
         sys.exit(f"{arguments} on {ranks} ranks failed: {done.stderr[-500:]}")

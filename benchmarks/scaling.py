@@ -24,16 +24,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from harness import MPI_SETTINGS, YIELD
+
 RESULTS = Path("build/scaling.json")
 SIZES = ((160, 40), (320, 80), (640, 160))
-SETTINGS = {
-    "OMP_NUM_THREADS": "1",
-    "OMPI_MCA_rmaps_base_oversubscribe": "1",
-    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
-}
+SETTINGS = {**MPI_SETTINGS, "OMPI_MCA_btl_vader_single_copy_mechanism": "none"}
 Row = dict[str, Any]
 
 
@@ -112,9 +107,7 @@ def start(
     """Measure in a process (or several) of its own."""
     command = [sys.executable, __file__, "measure", "--cells", *map(str, cells), "--solver", solver]
     command += ["--gamma", str(gamma), "--uy", str(uy), "--repeat", str(repeat)]
-    settings = dict(SETTINGS)
-    if ranks > len(os.sched_getaffinity(0)):
-        settings["OMPI_MCA_mpi_yield_when_idle"] = "1"
+    settings = SETTINGS | (YIELD if ranks > len(os.sched_getaffinity(0)) else {})
     done = subprocess.run(
         ["mpirun", "-n", str(ranks), *command], capture_output=True, text=True, env=os.environ | settings, check=False
     )

@@ -16,6 +16,11 @@ Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
 
+def is_medium(region: str) -> bool:
+    """Whether a region is third medium, which its name says: it begins with ``medium``."""
+    return region.startswith("medium")
+
+
 @dataclass(frozen=True)
 class Polygons:
     """Cells as polygons through all nodes of their boundary, vertices and points on the sides, in order.
@@ -38,6 +43,12 @@ class Polygons:
     def n_cells(self) -> int:
         """Number of cells."""
         return len(self.region_c)
+
+    @property
+    def is_solid_c(self) -> NDArray[np.bool_]:
+        """(n_cells,) which cells are not of third medium."""
+        solid: NDArray[np.bool_] = np.array([not is_medium(name) for name in self.region_names])[self.region_c]
+        return solid
 
     def cell(self, c: int) -> Int:
         """Points of cell ``c``."""

@@ -10,7 +10,7 @@ from helpers_contact import slow_check
 from tmc_vem.fields import Fields, Polygons
 from tmc_vem.report.contact import check_contact
 from tmc_vem.report.distances import closed_gaps, distances_beyond
-from tmc_vem.report.solids import Chains, Solids, solid_cells
+from tmc_vem.report.solids import Chains, Solids
 
 
 def state(cells, displacement, regions=None, names=("solid", "medium"), order=2):
@@ -212,7 +212,7 @@ def test_the_cases_have_all_that_the_check_looks_for():
             fields = make(np.random.default_rng(seed))
             report = check_contact(fields, order)
             found.add((report.interpenetrates, report.contact_nodes > 0))
-            crossed += Solids(fields, solid_cells(fields.polygons), order, 8).crossed().sum()
+            crossed += Solids(fields, fields.polygons.is_solid_c, order, 8).crossed().sum()
     assert found == {(True, True), (True, False), (False, True), (False, False)}
     assert crossed > 10
 
@@ -235,7 +235,7 @@ def test_a_cell_that_winds_twice_crosses_itself():
 
     for displacement, crossed in ((lambda p: 0.1 * p[:, :2], False), (wound, True)):
         fields = state([corners], displacement)
-        assert Solids(fields, solid_cells(fields.polygons), 2, 8).crossed().tolist() == [crossed]
+        assert Solids(fields, fields.polygons.is_solid_c, 2, 8).crossed().tolist() == [crossed]
 
 
 def random_chains(rng, n=40, m=3):

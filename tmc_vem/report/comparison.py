@@ -7,9 +7,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from tmc_vem.errors import InputError
-from tmc_vem.fields import Fields
+from tmc_vem.fields import Fields, is_medium
 from tmc_vem.report import cautions, plots, tables
-from tmc_vem.report.figures import MEDIUM
 from tmc_vem.report.page import Block, Cell, Page, Picture, Section, Table, Text, Warnings, picture
 from tmc_vem.report.panels import draw_panels
 from tmc_vem.report.richardson import Extrapolation
@@ -278,7 +277,7 @@ def _doubts(c: Comparison) -> list[str]:
 def _medium_doubts(c: Comparison) -> list[str]:
     """A difference between the media of the two methods that no finer mesh removes."""
     media = [
-        sum(energy for name, energy in run.last.energy.items() if name.startswith(MEDIUM))
+        sum(energy for name, energy in run.last.energy.items() if is_medium(name))
         for run in c.finest.values()
         if run.last
     ]

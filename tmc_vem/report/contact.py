@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.fields import Fields
 from tmc_vem.report.distances import closed_gaps, distances_beyond
-from tmc_vem.report.solids import Chains, Solids, covered, solid_cells
+from tmc_vem.report.solids import Chains, Solids, covered
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -84,7 +84,7 @@ def check_contact(fields: Fields, order: int = 2, pieces: int = 8) -> ContactRep
     Returns:
         The report; without any solid, an empty one.
     """
-    is_solid = solid_cells(fields.polygons)
+    is_solid = fields.polygons.is_solid_c
     if not is_solid.any():
         return ContactReport(0.0, 0.0, None, 0, None, None, None)
     solids = Solids(fields, is_solid, order, pieces)

@@ -15,7 +15,6 @@ Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
-MEDIUM = "medium"
 COLOURS = "viridis"
 WIDTH, DPI = 9.0, 130  # inches, pixels per inch
 ABOVE, BELOW, LEFT, ACROSS = 0.4, 1.3, 0.08, 0.89  # inches, and fractions of the width
@@ -51,7 +50,7 @@ def draw_deformed(fields: Fields, path: Path, title: str = "", *, component: int
     full = colormaps[COLOURS](np.linspace(0.0, 1.0, 256))[:, :3]
     pale = 1.0 - PALE * (1.0 - full)
     colour_c = np.clip((256.0 * share_c).astype(int), 0, 255)
-    is_medium = np.array([name.startswith(MEDIUM) for name in polygons.region_names])[polygons.region_c]
+    is_medium = ~polygons.is_solid_c
 
     extent = np.ptp(deformed, axis=0)
     height = float(np.clip(0.85 * WIDTH * extent[1] / extent[0], 1.5, 8.0)) + ABOVE + BELOW

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.fields import Fields
-from tmc_vem.report.figures import COLOURS, MEDIUM, outline
+from tmc_vem.report.figures import COLOURS, outline
 
 Float = NDArray[np.float64]
 FOOT, TITLE, MARGIN, HIGHEST = 0.9, 0.35, 0.2, 7.0  # inches: colour scale, titles, around panels, panels at most
@@ -115,7 +115,7 @@ def draw_state(axes: Any, fields: Fields, quantity: str, scale: Any) -> None:
 
     polygons, points = fields.polygons, deformed(fields)
     cells = [polygons.cell(c) for c in range(polygons.n_cells)]
-    is_medium = np.array([name.startswith(MEDIUM) for name in polygons.region_names])[polygons.region_c]
+    is_medium = ~polygons.is_solid_c
     line = float(np.clip(6.0 / math.sqrt(max(polygons.n_cells, 1)), 0.05, 0.3))
     smooth = quantity in ("ux", "uy")
     for members, strength, edge in ((is_medium, PALE, "0.55"), (~is_medium, 1.0, "0.25")):

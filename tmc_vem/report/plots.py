@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from tmc_vem.fields import is_medium
 from tmc_vem.probes import GAP
 from tmc_vem.report.page import Picture, picture
 from tmc_vem.report.tables import probes_of, with_unit
@@ -95,7 +96,7 @@ def smallest_j(runs: Runs) -> Any:
 
 
 def _least(record: StepRecord, *, medium: bool) -> float | None:
-    return min((v for name, v in record.min_j.items() if name.startswith("medium") == medium), default=None)
+    return min((v for name, v in record.min_j.items() if is_medium(name) == medium), default=None)
 
 
 def energy_split(runs: Runs) -> Any:
@@ -108,7 +109,7 @@ def energy_split(runs: Runs) -> Any:
 
 
 def _energy(record: StepRecord, *, medium: bool) -> float:
-    return sum(v for name, v in record.energy.items() if name.startswith("medium") == medium)
+    return sum(v for name, v in record.energy.items() if is_medium(name) == medium)
 
 
 def newton_iterations(runs: Runs) -> Any:

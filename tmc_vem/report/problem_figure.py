@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.constraints import Prescribed
+from tmc_vem.fields import is_medium
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.probes import Gap, Place, Probe
-from tmc_vem.report.figures import MEDIUM, outline
+from tmc_vem.report.figures import outline
 from tmc_vem.report.panels import WIDE
 
 SOLIDS = ("#c9d3dc", "#aebccb", "#dcd2c4")
@@ -113,9 +114,9 @@ def _fill(axes: Any, mesh: PolygonMesh, *, edges: bool) -> None:
 
     points = np.asarray(mesh.points_vx)
     cells = [np.asarray(cell) for cell in mesh.cells()]
-    solids = [name for name in mesh.region_names if not name.startswith(MEDIUM)]
+    solids = [name for name in mesh.region_names if not is_medium(name)]
     for number, name in enumerate(mesh.region_names):
-        medium = name.startswith(MEDIUM)
+        medium = is_medium(name)
         colour = MEDIUM_COLOUR if medium else SOLIDS[solids.index(name) % len(SOLIDS)]
         chosen = np.flatnonzero(np.asarray(mesh.region_c) == number)
         collection = PolyCollection(
@@ -126,7 +127,7 @@ def _fill(axes: Any, mesh: PolygonMesh, *, edges: bool) -> None:
             rasterized=True,
         )
         axes.add_collection(collection)
-    inside = np.array([not name.startswith(MEDIUM) for name in mesh.region_names])[np.asarray(mesh.region_c)]
+    inside = np.array([not is_medium(name) for name in mesh.region_names])[np.asarray(mesh.region_c)]
     lines = outline(np.asarray(mesh.cell_offsets), np.asarray(mesh.cell_vertices), inside, points)
     axes.add_collection(LineCollection(lines, colors="black", linewidths=0.9, capstyle="round"))
 

@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.fields import Fields, Polygons
+from tmc_vem.fields import Fields
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
-MEDIUM = "medium"
 # Points are the same if they are as close as this fraction of the domain; copies on several ranks differ by rounding.
 # (No round number: points of regular meshes must not lie where two intervals meet.)
 SAME = 1.2345e-9
@@ -142,12 +141,6 @@ class Solids:
         doubtful = np.flatnonzero(bad)
         bad[doubtful] = [_is_crossed(self.of_cells(c, c + 1)) for c in doubtful.tolist()]
         return bad
-
-
-def solid_cells(polygons: Polygons) -> Bool:
-    """(n_cells,) whether the name of a cell's region does not begin with ``medium``."""
-    solid: Bool = np.array([not name.startswith(MEDIUM) for name in polygons.region_names])[polygons.region_c]
-    return solid
 
 
 def same_points(points_nx: Float) -> Int:

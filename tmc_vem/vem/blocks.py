@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from codegen.batch import CellBatch
 from codegen.kernel import Kernel
 from codegen.packs import Packs
-from codegen.potential import potential_of_gradient
+from codegen.potential import degree_of, potential_of_gradient
 from tmc_vem.mesh.distribute import DistributedMesh
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.vem import monomials
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.element import ElementGroup
-from tmc_vem.vem.monomials import degree_of
 from tmc_vem.vem.projector import n_translated_dofs
 from tmc_vem.vem.spaces import Gradients
 

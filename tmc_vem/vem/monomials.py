@@ -22,14 +22,6 @@ def dimension(degree: int) -> int:
     return (degree + 1) * (degree + 2) // 2 if degree >= 0 else 0
 
 
-def degree_of(n: int) -> int:
-    """Degree of the polynomials whose space has dimension ``n``."""
-    degree = 0
-    while dimension(degree) < n:
-        degree += 1
-    return degree
-
-
 @cache
 def exponents(degree: int) -> Int:
     """(dimension, 2) exponents of xi and eta, by degree, then by the power of eta."""
