@@ -29,19 +29,24 @@ def slow_check(fields: Fields, order: int = 2, pieces: int = 8) -> ContactReport
     pieces_now, pieces_before = shapely.linestrings(now[outline]), shapely.linestrings(before[outline])
     body = _bodies(loops)
     own = pieces * max(np.hypot(*(before[a] - before[b])) for a, b in outline)
-    depth, gaps = 0.0, []
+    depth, fold, gaps = 0.0, 0.0, []
     for v in np.unique(outline).tolist():
         distance = shapely.distance(shapely.Point(now[v]), pieces_now)
         origin = shapely.distance(shapely.Point(before[v]), pieces_before)
         inside = any(v not in loop and cell.contains(shapely.Point(now[v])) for loop, cell in zip(loops, cells))  # noqa: B905
         if inside:
             beyond = np.array([body[a] != body[v] for a, _ in outline]) | (origin > own)
-            depth = max(depth, float(distance[beyond].min(initial=np.inf)) if beyond.any() else 0.0)
+            away = distance[beyond].min(initial=np.inf)
+            flank = distance[~beyond & (distance < CLOSED * origin)].min(initial=np.inf)
+            if flank < away:
+                fold = max(fold, float(flank))
+            elif away < np.inf:
+                depth = max(depth, float(away))
         closed = (distance < CLOSED * origin) & (distance <= NEAR * size) & (outline != v).all(axis=1)
         if closed.any():
             gaps.append(float(distance[closed].min()))
     return ContactReport(
-        overlap if overlap > ROUNDING * size**2 else 0.0, depth, None, len(gaps),
+        overlap if overlap > ROUNDING * size**2 else 0.0, depth, fold, None, len(gaps),
         *((min(gaps), float(np.mean(gaps)), max(gaps)) if gaps else (None, None, None)),
     )  # fmt: skip
 

@@ -277,7 +277,9 @@ def test_distances_beyond_against_all_pairs(seed):
     now, before = (all_distances(x[where], x) for x in (outline.now, outline.before))
     for own in (0.1, 1.0, 2.0):
         for bodies in (body, 0 * body):
-            counts = (bodies[where[0]][:, None] != bodies)[..., None] | (before > own)
-            expected = np.where(counts, now, np.inf).min(axis=(1, 2))
-            assert distances_beyond(outline, where, bodies, own) == pytest.approx(expected, rel=1e-12)
-    assert (distances_beyond(outline, where, 0 * body, 1e3) == 0.0).all()
+            for closed in (0.0, 0.1, 0.5):
+                around = (bodies[where[0]][:, None] == bodies)[..., None] & (before <= own)
+                beyond, fold = distances_beyond(outline, where, bodies, own, closed)
+                assert beyond == pytest.approx(np.where(around, np.inf, now).min(axis=(1, 2)), rel=1e-12)
+                expected = np.where(around & (now < closed * before), now, np.inf).min(axis=(1, 2))
+                assert fold == pytest.approx(expected, rel=1e-12)

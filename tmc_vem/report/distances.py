@@ -71,22 +71,27 @@ def closed_gaps(outline: Chains, closed: float, near: float) -> Float:
     return found
 
 
-def distances_beyond(outline: Chains, where: tuple[Int, Int], body: Int, own: float) -> Float:
+def distances_beyond(
+    outline: Chains, where: tuple[Int, Int], body: Int, own: float, closed: float
+) -> tuple[Float, Float]:
     """Distances of some points of the outline to the parts of it that are not around them.
 
     Args:
         outline: sides of the solids.
         where: the points, as side and position in it.
         body: (n_sides,) which body a side belongs to.
-        own: parts of the point's own body do not count up to this distance in the reference state.
+        own: parts of the point's own body are around it up to this distance in the reference state.
+        closed: such parts have closed on the point if they are now closer than this fraction of it, as the two flanks
+            of a corner may.
 
     Returns:
-        The smallest distance of each point; 0 if the rest of the outline is around it.
+        The smallest distance of each point to parts that are not around it, and to those that are and have closed on
+        it; infinite where there are none.
     """
     now, before = _Circles.around(outline.now), _Circles.around(outline.before)
-    found = np.full(len(where[0]), np.inf)
+    beyond, fold = np.full((2, len(where[0])), np.inf)
     step = max(1, PAIRS_AT_ONCE // len(outline.now))
-    for first in range(0, len(found), step):
+    for first in range(0, len(beyond), step):
         side, position = (index[first : first + step] for index in where)
         point, origin = outline.now[side, position], outline.before[side, position]
         foreign = body[side][:, None] != body
@@ -94,11 +99,16 @@ def distances_beyond(outline: Chains, where: tuple[Int, Int], body: Int, own: fl
         from_origin = np.hypot(*np.moveaxis(origin[:, None] - before.centre, -1, 0))
         surely = foreign | (from_origin - before.radius > own)
         bound = np.where(surely, to + now.radius, np.inf).min(axis=1)
-        n, s = np.nonzero((foreign | (from_origin + before.radius > own)) & (to - now.radius <= bound[:, None]))
+        may_be_beyond = (foreign | (from_origin + before.radius > own)) & (to - now.radius <= bound[:, None])
+        may_have_closed = to - now.radius < closed * np.minimum(own, from_origin + before.radius)
+        n, s = np.nonzero(may_be_beyond | may_have_closed)
         distance = _distances(point[n, None], outline.now[s])[:, 0]
-        counts = foreign[n, s][:, None] | (_distances(origin[n, None], outline.before[s])[:, 0] > own)
-        np.minimum.at(found, first + n, np.where(counts, distance, np.inf).min(axis=1))
-    return np.where(np.isfinite(found), found, 0.0)
+        distance_before = _distances(origin[n, None], outline.before[s])[:, 0]
+        around = ~foreign[n, s][:, None] & (distance_before <= own)
+        has_closed = around & (distance < closed * distance_before)
+        np.minimum.at(beyond, first + n, np.where(around, np.inf, distance).min(axis=1))
+        np.minimum.at(fold, first + n, np.where(has_closed, distance, np.inf).min(axis=1))
+    return beyond, fold
 
 
 def _neighbours(chains: Float, near: float) -> tuple[Int, Int]:

@@ -57,6 +57,12 @@ class Solids:
         is_solid: (n_cells,) which cells, at least one.
         order: polynomial degree along the sides, so that each has ``order - 1`` nodes between its vertices.
         pieces: straight pieces that stand for a side.
+
+    Attributes:
+        side_nodes: (n_sides, order + 1) nodes of the sides of all solid cells.
+        ends: (n_sides, 2) numbers of the vertices of each; those at the same place in the reference state are equal.
+        weights: (pieces + 1, order + 1) of a side's nodes at its points.
+        numbers: (n_cells,) of the solid cells, among all cells of the fields.
     """
 
     def __init__(self, fields: Fields, is_solid: Bool, order: int, pieces: int) -> None:
@@ -69,13 +75,14 @@ class Solids:
         self.side_nodes = np.column_stack([nodes, nodes[following, 0]])[mine]
         self.offsets = np.concatenate([[0], np.cumsum(n_sides[is_solid])])
         self.n_cells = len(self.offsets) - 1
+        self.numbers = np.flatnonzero(is_solid)
         self.cell_s = np.repeat(np.arange(self.n_cells), n_sides[is_solid])
         self._before, self._now = polygons.points_nx, polygons.points_nx + fields.displacement_ni
-        self._weights = _lagrange(self._before[self.side_nodes[:1]], order, pieces)
+        self.weights = _lagrange(self._before[self.side_nodes[:1]], order, pieces)
         corners = np.unique(self.side_nodes[:, [0, -1]])
         labels = np.zeros(len(self._before), dtype=np.int64)
         labels[corners] = same_points(self._before[corners])
-        self.ends = labels[self.side_nodes[:, [0, -1]]]  # (n_sides, 2) numbers of the vertices
+        self.ends = labels[self.side_nodes[:, [0, -1]]]
 
     @property
     def size(self) -> float:
@@ -84,12 +91,12 @@ class Solids:
 
     def chains(self, sides: Int) -> Chains:
         """Some sides as chains."""
-        before = self._weights @ self._before[self.side_nodes[sides]]
-        return Chains(before, self._weights @ self._now[self.side_nodes[sides]], self.cell_s[sides])
+        before = self.weights @ self._before[self.side_nodes[sides]]
+        return Chains(before, self.weights @ self._now[self.side_nodes[sides]], self.cell_s[sides])
 
     def of_cells(self, first: int, last: int) -> Float:
         """(n, m + 1, 2) points of the deformed sides of the cells from ``first`` to before ``last``."""
-        points: Float = self._weights @ self._now[self.side_nodes[self.offsets[first] : self.offsets[last]]]
+        points: Float = self.weights @ self._now[self.side_nodes[self.offsets[first] : self.offsets[last]]]
         return points
 
     def outline(self, cells: Bool | None = None) -> Int:
