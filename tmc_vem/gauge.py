@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ from tmc_vem.probes import AXES, Displacement, Gap, MeanJ, Place, Position, Reac
 from tmc_vem.problems.base import Problem
 
 Float = NDArray[np.float64]
+# Of two points, given by their places in the reference and in the deformed state.
+Behind = Callable[[Sequence[Float], Sequence[Float]], bool]
 
 
 class Gauge:
@@ -49,12 +51,13 @@ class Gauge:
             self._region_c = np.array(polygons.region_names)[polygons.region_c]
             self._area_c = system.cell_areas()
 
-    def read(self, u: Any, residual: Any) -> dict[str, float]:
+    def read(self, u: Any, residual: Any, behind: Behind | None = None) -> dict[str, float]:
         """Values of the probes at a state with its residual, equal on all ranks.
 
         Args:
             u: displacements.
             residual: full gradient of the potential at ``u``.
+            behind: tells whether the second of two points is behind the surface of the first, where surfaces cross.
         """
         moved: dict[Place, Float] = {}
         if self._named:
@@ -65,13 +68,17 @@ class Gauge:
         readers: dict[type, Callable[[Any], float]] = {
             Displacement: lambda p: moved[p.at][COMPONENTS[p.component]],
             Position: lambda p: (self._reference[p.at] + moved[p.at])[AXES[p.axis]],
-            Gap: lambda p: np.hypot(
-                *(self._reference[p.first] + moved[p.first] - self._reference[p.second] - moved[p.second])
-            ),
+            Gap: lambda p: self._gap(p, moved, behind),
             Reaction: lambda p: self._system.reaction(residual, p.at, COMPONENTS[p.component]),
             MeanJ: lambda p: means[p.region],
         }
         return {name: float(readers[type(probe)](probe)) for name, probe in self.probes.items()}
+
+    def _gap(self, probe: Gap, moved: Mapping[Place, Float], behind: Behind | None) -> float:
+        origins = [self._reference[place] for place in probe.places]
+        places = [origin + moved[place] for origin, place in zip(origins, probe.places, strict=True)]
+        distance = float(np.hypot(*(places[0] - places[1])))
+        return -distance if behind and behind(origins, places) else distance
 
     def _means(self, u: Any) -> dict[str, float]:
         """Mean of J by region, for the regions that are asked for."""

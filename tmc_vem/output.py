@@ -16,6 +16,7 @@ from tmc_vem.units import Units
 from tmc_vem.vtu import VtuWriter
 
 Float = NDArray[np.float64]
+Int = NDArray[np.int64]
 
 
 class FieldSource(Protocol):
@@ -28,6 +29,12 @@ class FieldSource(Protocol):
 
     def output_displacements(self, u: Any) -> Float:
         """(n_points, 2) displacements of the polygons' points."""
+
+    def cell_numbers(self) -> Int:
+        """(n_cells,) numbers in the whole mesh."""
+
+    def dense_jacobians(self, u: Any) -> Float:
+        """(n_cells,) smallest J on a grid much finer than the quadrature's."""
 
     def cell_energies(self, u: Any) -> Float:
         """(n_cells,) energies."""

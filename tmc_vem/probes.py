@@ -18,7 +18,7 @@ AXES = {"x": 0, "y": 1}
 GAP = "gap"
 # Columns of the history that are no probes, and what the names of others begin with.
 RESERVED = ("step", "load", "displacement", "reaction", "iterations", "cut_backs", "wasted_iterations",
-            "negative_pivots", "jumped", "seconds", "time")  # fmt: skip
+            "negative_pivots", "jumped", "seconds", "time", "load_force")  # fmt: skip
 RESERVED_STARTS = ("min_j_", "energy_", "parameter_")
 _NAME = re.compile(r"[^\W\d][\w-]*")
 
@@ -79,7 +79,13 @@ class Position:
 
 @dataclass(frozen=True)
 class Gap:
-    """Distance of two points in the deformed state."""
+    """Distance of two points in the deformed state, negative where surfaces have crossed.
+
+    The sign counts where outlines of solids cross: the distance is negative if the second point lies behind the surface
+    of the first one, that is against the outward normal of the solid's deformed outline there, and did not in the
+    reference state. At a corner the normal is the mean of those of both sides. If the first point is not on an outline,
+    the second one's normal is taken; if neither is, there is no sign.
+    """
 
     first: Place
     second: Place

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -15,11 +16,13 @@ from numpy.typing import NDArray
 
 from tmc_vem.balance import balance
 from tmc_vem.checkpoint import DURABLE, Checkpoint
+from tmc_vem.energy_balance import energy_balance
 from tmc_vem.errors import TmcError
 from tmc_vem.fields import Fields
 from tmc_vem.gauge import Gauge
 from tmc_vem.monitor import Monitor
 from tmc_vem.output import SnapshotWriter, gather_fields
+from tmc_vem.overlap import OverlapWatch
 from tmc_vem.parallel import on_every_rank, on_root
 from tmc_vem.plausibility import warnings_of
 from tmc_vem.problems.base import Problem
@@ -46,14 +49,17 @@ class Recorder:
         checkpoint_every: converged steps between checkpoints; 0 for none.
         monitor: hears about steps.
         timer: phases of the run.
+        watch: knows whether solids overlap in the state that converged last.
     """
 
     def __init__(
         self, problem: Problem, system: Any, gauge: Gauge, inputs: Mapping[str, Any],
         directory: RunDirectory | None, times: Sequence[float], checkpoint_every: int, monitor: Monitor, timer: Timer,
+        watch: OverlapWatch,
     ) -> None:  # fmt: skip
         self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
-        self.gauge, self.monitor, self.timer = gauge, monitor, timer
+        self.gauge, self.monitor, self.timer, self.watch = gauge, monitor, timer, watch
+        self._inverted: dict[str, Any] = {}
         self.history: list[StepRecord] = []
         self._plain_history: list[dict[str, Any]] = []
         self.warnings: list[str] = []
@@ -77,7 +83,7 @@ class Recorder:
                 step=step.number,
                 load=step.load,
                 displacement=step.load * load.value,
-                probes=self.gauge.read(u, residual),
+                probes=self.gauge.read(u, residual, functools.partial(self.watch.behind, u)),
                 reaction=self.system.reaction(residual, load.where, load.component),
                 iterations=len(step.newton.iterations),
                 cut_backs=step.cut_backs,
@@ -89,8 +95,10 @@ class Recorder:
                 seconds=self._seconds_before + self.timer.report()["total"],
                 time=step.time,
                 parameters=step.control.parameters,
+                load_force=self._load_force(residual),
             )
             self._add_to_history(record)
+            self.watch.accepted()
         if self._snapshots is not None:
             with self.timer("snapshots"), _reported(self._snapshots.directory):
                 self._snapshots.offer(step.number, step.time, u)
@@ -162,6 +170,10 @@ class Recorder:
             share = self.system.cell_energies(u).sum() - self.system.cell_energies(u, without="alpha_r").sum()
             regulariser = float(self.system.comm.allreduce(share))
             checks: dict[str, Any] = {"imbalance": imbalance, "regulariser_energy": regulariser}
+            checks |= {"inverted_cells": self._count_inverted(u), **self._inverted}
+            balance_of_energy = energy_balance(self.history)
+            if balance_of_energy:
+                checks["energy_balance"] = balance_of_energy.as_dict()
             fields = gather_fields(self.system, u)
             if fields is not None:
                 contact = check_contact(fields, self._order)
@@ -206,6 +218,31 @@ class Recorder:
             draw_deformed(fields, path, title=self._title())
         except OSError as error:
             self.warnings.append(f"{path.name} could not be written: {error.strerror or error}")
+
+    def step_failed(self, u: Any) -> None:
+        """A step from a converged state has failed: count the cells that are inverted between their quadrature points.
+
+        Where a corner goes through the medium, they are the first sign of it. Called on all ranks.
+        """
+        if self._inverted:
+            return
+        with self.timer("check"):
+            count = self._count_inverted(u)
+        if count:
+            self._inverted = {"inverted_from": self.history[-1].load if self.history else 0.0}
+
+    def _count_inverted(self, u: Any) -> dict[str, int]:
+        """Cells in which J is not positive on a dense grid, by region, for the regions that have any."""
+        polygons = self.system.output_polygons()
+        inverted = polygons.region_c[~(self.system.dense_jacobians(u) > 0.0)]
+        mine = np.bincount(inverted, minlength=len(polygons.region_names))
+        count = np.sum(self.system.comm.allgather(mine), axis=0).tolist()
+        return {name: n for name, n in zip(polygons.region_names, count, strict=True) if n}
+
+    def _load_force(self, residual: Any) -> float:
+        """Work of the prescribed displacements per load factor: they are proportional to it."""
+        values = residual.getArray(readonly=True)[self.system.constrained()]
+        return float(self.system.comm.allreduce(float(values @ self.system.prescribed(1.0))))
 
     def _imbalance(self, residual: Any) -> float:
         """Resultant of all reactions, relative to the largest of them: 0 in equilibrium."""

@@ -49,6 +49,8 @@ class StepRecord:
         seconds: wall time since the start of the run.
         time: coordinate along the load path; None in old runs, where it is the load factor.
         parameters: values of the medium's parameters while they are continued, by name; empty otherwise.
+        load_force: work of the prescribed displacements per load factor: the sum of each reaction times its
+            displacement at full load; None in old runs.
     """
 
     step: int
@@ -66,6 +68,7 @@ class StepRecord:
     seconds: float
     time: float | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
+    load_force: float | None = None
 
     @property
     def coordinate(self) -> float:
@@ -119,6 +122,7 @@ class StepRecord:
             seconds=float(row["seconds"]),
             time=float(row["time"]) if row.get("time") else None,
             parameters=group("parameters"),
+            load_force=float(row["load_force"]) if row.get("load_force") else None,
         )
 
     @staticmethod

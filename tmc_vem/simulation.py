@@ -42,6 +42,7 @@ class RunOptions:
         output_loads: load factors to hit exactly and write, besides those of the path.
         continuation: values of the medium's gamma or alpha_r that the first leg of the path is gone with; at its end
             they are brought to those of the problem step by step, and the rest of the path follows.
+        allow_overlap: take converged states in which solids overlap, which are refused else.
         follow: follow the equilibrium branch through limit points by its length, the load going back there, instead of
             jumping to another branch.
         max_iterations: Newton iterations after which the run ends, or None; failed attempts count.
@@ -61,6 +62,7 @@ class RunOptions:
     output_loads: tuple[float, ...] = ()
     continuation: Mapping[str, float] = field(default_factory=dict)
     follow: bool = False
+    allow_overlap: bool = False
     max_iterations: int | None = None
     max_seconds: float | None = None
     snapshots: int = 10
@@ -129,6 +131,7 @@ def run(
     from tmc_vem.gauge import Gauge
     from tmc_vem.interrupt import stop_requests
     from tmc_vem.lock import DirectoryLock
+    from tmc_vem.overlap import OverlapWatch
     from tmc_vem.recorder import Recorder
     from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
     from tmc_vem.solve.budget import Budget
@@ -157,7 +160,8 @@ def run(
         system = discretise(problem, options, comm)
         require_finite_start(system)
         gauge = Gauge(problem, system)
-        solver = NewtonSolver(system, timer=timer, solver=options.solver)
+        watch = OverlapWatch(system, media_of(problem), order_of(options), tolerated=options.allow_overlap)
+        solver = NewtonSolver(system, timer=timer, solver=options.solver, admission=watch)
     if directory is not None:
         directory.path.mkdir(parents=True, exist_ok=True)
         lock = on_root(comm, lambda: DirectoryLock(directory.path))
@@ -168,7 +172,7 @@ def run(
             comm.barrier()
             recorder = Recorder(
                 problem, system, gauge, run_inputs(problem, options), directory, _snapshot_times(path, options),
-                options.checkpoint_every, monitor, timer,
+                options.checkpoint_every, monitor, timer, watch,
             )  # fmt: skip
             if directory is not None and lock is not None and not lock.held:
                 recorder.warnings.append(
@@ -195,7 +199,7 @@ def run(
                 arc = ArcOptions(largest=options.largest_step, first=min(ArcOptions.first, options.largest_step))
                 stepper = ArcLengthStepper(solver, arc, on_step)
             else:
-                stepper = LoadStepper(solver, stepping, on_step, path, _gamma(problem))
+                stepper = LoadStepper(solver, stepping, on_step, path, _gamma(problem), recorder.step_failed)
             try:
                 outcome = stepper.run(u, states, position)
             except TmcError:
@@ -237,6 +241,16 @@ def _snapshot_times(path: ControlPath, options: RunOptions) -> list[float]:
         return []
     pieces = options.snapshots * (LONGEST_BRANCH if options.follow else 1)
     return sorted({path.end * (n + 1) / options.snapshots for n in range(pieces)} | set(path.stops))
+
+
+def media_of(problem: Problem) -> list[str]:
+    """Names of the regions that are third medium."""
+    return [name for name, region in problem.regions().items() if region.is_medium]
+
+
+def order_of(options: RunOptions) -> int:
+    """Polynomial degree along the sides of cells."""
+    return options.fem.order if options.method == "fem" else options.element.order
 
 
 def _gamma(problem: Problem) -> dict[str, float]:
@@ -323,4 +337,5 @@ def _method_inputs(options: RunOptions) -> Mapping[str, Any]:
         **({"output_loads": list(options.output_loads)} if options.output_loads else {}),
         **({"continuation": dict(options.continuation)} if options.continuation else {}),
         **({"follow": True} if options.follow else {}),
+        **({"allow_overlap": True} if options.allow_overlap else {}),
     }

@@ -81,6 +81,10 @@ def method_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--follow", is_flag=True,
             help="Follow the branch through limit points, where the load goes back, instead of jumping to another.",
         ),
+        click.option(
+            "--allow-overlap", is_flag=True,
+            help="Go on where solids overlap, for those who study it: such states are refused else.",
+        ),
         click.option("--max-iterations", type=int, help="Stop after this many Newton iterations; resume goes on."),
         click.option("--max-seconds", type=float, help="Stop after this wall time; resume goes on."),
         click.option(
@@ -270,6 +274,7 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
         output_loads=options["output_loads"],
         continuation=parse_parameters(options["continuation"], "--continuation"),
         follow=options["follow"],
+        allow_overlap=options["allow_overlap"],
         max_iterations=options["max_iterations"],
         max_seconds=options["max_seconds"],
         snapshots=options["snapshots"],

@@ -11,8 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.fem import compat
+from tmc_vem.mesh.geometry import triangle_lattice
 
 Float = NDArray[np.float64]
+
+ALONG = 9  # points along each side of a cell on a dense grid
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,19 @@ class QuadraturePoints:
     @staticmethod
     def create(cell: str, order: int, degree: int, points_cvx: Float) -> QuadraturePoints:
         """Points of the rule of a degree on cells with the given vertices (n_cells, 3 or 4, 2)."""
-        xi_qr, weights = compat.quadrature(cell, degree)
+        return QuadraturePoints.at(cell, order, *compat.quadrature(cell, degree), points_cvx)
+
+    @staticmethod
+    def dense(cell: str, order: int, points_cvx: Float) -> QuadraturePoints:
+        """A grid of points much finer than a rule's, sides and vertices included; the weights mean nothing."""
+        t = np.linspace(0.0, 1.0, ALONG)
+        square = np.stack(np.meshgrid(t, t), axis=-1).reshape(-1, 2)
+        xi_qr = triangle_lattice(ALONG)[:, :2] if cell == "triangle" else square
+        return QuadraturePoints.at(cell, order, xi_qr, np.ones(len(xi_qr)), points_cvx)
+
+    @staticmethod
+    def at(cell: str, order: int, xi_qr: Float, weights: Float, points_cvx: Float) -> QuadraturePoints:
+        """Points (n_points, 2) of the reference cell, with weights (n_points,), on cells with the given vertices."""
         table = compat.lagrange_table(cell, order, xi_qr, 2)
         geometry = compat.lagrange_table(cell, 1, xi_qr, 2)
         map_cqxr = np.einsum("rqv,cvx->cqxr", geometry[1:3], points_cvx)

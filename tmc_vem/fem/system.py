@@ -31,6 +31,8 @@ from tmc_vem.solve.protocol import Evaluation, RegionValues
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
+CELLS_AT_ONCE = 4096  # whose dense arrays are held at a time
+
 
 class FemSystem:
     """Lagrange elements of order 2 or 3 for a potential of F and G; implements ``NonlinearSystem``.
@@ -225,6 +227,10 @@ class FemSystem:
         """(n_points, 2) displacements of the polygons' points."""
         return self._local_values(u)[self.nodes.polygon_nodes()]
 
+    def cell_numbers(self) -> Int:
+        """(n_cells,) numbers of this rank's cells in the whole mesh."""
+        return self.mesh.cell_ids[: self.mesh.n_owned]
+
     def cell_areas(self) -> Float:
         """(n_cells,) reference areas of this rank's cells."""
         return self.mesh.areas_c[: self.mesh.n_owned]
@@ -238,6 +244,16 @@ class FemSystem:
         J = jacobian(self._first_gradient(self._local_values(u)))
         w = self.points.w_cq
         return (w * J).sum(axis=1) / w.sum(axis=1), J.min(axis=1)
+
+    def dense_jacobians(self, u: Any) -> Float:
+        """Smallest J (n_cells,) of this rank's cells on a grid much finer than the quadrature's."""
+        u_nodes, smallest = self._local_values(u), np.empty(self.mesh.n_owned)
+        for first in range(0, self.mesh.n_owned, CELLS_AT_ONCE):
+            cells = slice(first, min(first + CELLS_AT_ONCE, self.mesh.n_owned))
+            points = QuadraturePoints.dense(self.mesh.cell, self.settings.order, self.mesh.points_cvx[cells])
+            gradient = points.first_gradient(u_nodes[self.nodes.cell_nodes_ca[cells]])
+            smallest[cells] = jacobian(gradient).min(axis=1)
+        return smallest
 
     # -- internals -----------------------------------------------------------------------------------------------
 

@@ -49,3 +49,12 @@ def star_shaped_about(polygons_cvx: Float, center_cx: Float, tolerance: float = 
     bound = tolerance * side * diameters(polygons_cvx)[:, None]
     inside: NDArray[np.bool_] = (twice_area > bound).all(axis=1)
     return inside
+
+
+def triangle_lattice(along: int) -> Float:
+    """Barycentric coordinates (n, 3) of a lattice in a triangle with this many points on each side."""
+    i, j = (index.ravel() for index in np.meshgrid(np.arange(along), np.arange(along), indexing="ij"))
+    inside = i + j < along
+    i, j = i[inside], j[inside]
+    points: Float = np.column_stack([i, j, along - 1 - i - j]) / (along - 1)
+    return points

@@ -27,6 +27,8 @@ DIVERGED = 1e3
 # Length of a step relative to its part along the tangent: 45 degrees. A longer one has met another part of the branch.
 STRAIGHT = 1.4
 
+REMEDY = "Try smaller cells there, or larger alpha_r or gamma"
+
 
 @dataclass(frozen=True)
 class ArcOptions:
@@ -102,9 +104,11 @@ class ArcLengthStepper:
                     if position.size >= self.options.smallest:
                         continue
                     wasted = self.solver.iterations_done - done
+                    complaint = self.solver.admission.complaint() if self.solver.admission else None
+                    why, remedy = complaint or (result.reason, REMEDY)
                     reason = (
-                        f"{result.reason}; smallest {self.solver.system.energy(u).worst}. Tried: steps along the "
-                        f"branch down to {self.options.smallest:g}. Try smaller cells there, or larger alpha_r or gamma"
+                        f"{why}; smallest {self.solver.system.energy(u).worst}. Tried: steps along the "
+                        f"branch down to {self.options.smallest:g}. {remedy}"
                     )
                     return SteppingResult(load, False, reason, wasted, cut_backs)
                 length = position.time + self._distance(self._trial, u, reached - load)
@@ -195,7 +199,8 @@ class ArcLengthStepper:
                 if self._distance(self._trial, u, now - load) > STRAIGHT * size:
                     reason = "the branch turns too sharply for the step, or it is another branch"
                     return NewtonResult(False, reason, evaluation, tuple(iterations), pivots), load
-                return NewtonResult(True, "converged", evaluation, tuple(iterations), pivots), now
+                found = NewtonResult(True, "converged", evaluation, tuple(iterations), pivots)
+                return solver.admitted(self._trial, found), now
             if len(iterations) >= self.options.max_iterations or residual > DIVERGED * before:
                 reason = f"no convergence along the branch in {len(iterations)} iterations (residual {relative:.1e})"
                 return NewtonResult(False, reason, evaluation, tuple(iterations), pivots), load

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from tmc_vem.solve.linear import DIRECT, LinearSolver
-from tmc_vem.solve.protocol import Evaluation, NonlinearSystem
+from tmc_vem.solve.protocol import Admission, Evaluation, NonlinearSystem
 from tmc_vem.timing import Timer
 
 # Fraction of the largest admissible step that is taken at most (fraction-to-the-boundary rule).
@@ -91,6 +91,7 @@ class NewtonSolver:
         timer: collects the time of each phase.
         on_iteration: called after every iteration, for a progress display.
         solver: preset or file of options of the linear solver, see :mod:`tmc_vem.solve.linear`.
+        admission: what else an equilibrium has to fulfil, or None; one that does not counts as not converged.
     """
 
     system: NonlinearSystem
@@ -98,6 +99,7 @@ class NewtonSolver:
     timer: Timer = field(default_factory=Timer)
     on_iteration: Callable[[Iteration], None] | None = None
     solver: str = DIRECT
+    admission: Admission | None = None
 
     def __post_init__(self) -> None:
         self._matrix = self.system.create_matrix()
@@ -182,7 +184,7 @@ class NewtonSolver:
                 STALLED * before * reference <= residual <= self.options.stalled_residual * reference
             )
             if small and step == 1.0 and correction <= self.options.correction and not (minimise and pivots):
-                return NewtonResult(True, "converged", evaluation, tuple(iterations), pivots)
+                return self.admitted(u, NewtonResult(True, "converged", evaluation, tuple(iterations), pivots))
             if len(iterations) >= limit:
                 reason = f"no convergence in {limit} iterations (residual {residual / reference:.1e})"
                 return NewtonResult(False, reason, evaluation, tuple(iterations), pivots)
@@ -208,6 +210,22 @@ class NewtonSolver:
             self.count(iterations[-1])
             if step == 0.0:
                 return NewtonResult(False, "the line search found no decrease", evaluation, tuple(iterations), pivots)
+
+    def admitted(self, u: Any, result: NewtonResult) -> NewtonResult:
+        """The result of an iteration that has converged at ``u``, or a failure if that state is not admitted."""
+        if self.admission is None:
+            return result
+        with self.timer("overlap"):
+            refusal = self.admission.refusal(u, result.evaluation)
+        return replace(result, converged=False, reason=refusal) if refusal else result
+
+    def admitted_jump(self, before: Any, u: Any, result: NewtonResult) -> NewtonResult:
+        """The same about a state on another branch than the one before."""
+        if self.admission is None or not result.converged:
+            return result
+        with self.timer("overlap"):
+            refusal = self.admission.refusal_of_jump(before, u)
+        return replace(result, converged=False, reason=refusal) if refusal else result
 
     def count(self, iteration: Iteration) -> None:
         """An iteration is done: tell who wants to know."""

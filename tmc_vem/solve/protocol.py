@@ -45,6 +45,19 @@ class Evaluation:
         return all(values.min_j > 0.0 for values in self.regions.values())
 
 
+class Admission(Protocol):
+    """Says of converged states whether they are states of the problem that was posed; called by all ranks together."""
+
+    def refusal(self, u: Any, evaluation: Evaluation) -> str:
+        """Why a converged state is none, in words, or nothing."""
+
+    def refusal_of_jump(self, before: Any, after: Any) -> str:
+        """Why a converged state on another branch cannot be reached from the state before, or nothing."""
+
+    def complaint(self) -> tuple[str, str] | None:
+        """The last refusal since a state was taken, and what to do about it; None if nothing was refused since."""
+
+
 class NonlinearSystem(Protocol):
     """A discretised potential with prescribed displacements that are proportional to the load factor.
 

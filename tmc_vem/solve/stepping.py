@@ -22,6 +22,7 @@ FAR, FAR_AT_LEAST = 3.0, 1e-3
 DETOURS = (10.0, 100.0)  # by how much gamma is raised to get past a load where the branch ends
 # By how much it is raised for the rest of the path where that does not help; it is brought back at the end.
 STIFFER = (10.0, 100.0, 1000.0)
+REMEDY = "Try a larger alpha_r or gamma, --continuation from a larger gamma, --rule triangles, or a finer medium there"
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,7 @@ class LoadStepper:
         path: what is controlled; the load factor from 0 to 1 by default.
         soften: parameters that may be raised where a branch ends, with the problem's values: a stiffer medium may get
             past that load, and is softened again beyond it, or at the end of the path.
+        on_failure: called when the first attempt at a step fails, with the state that it started from.
     """
 
     solver: NewtonSolver
@@ -132,6 +134,7 @@ class LoadStepper:
     on_step: Callable[[Step, States, Position], None] | None = None
     path: ControlPath = field(default_factory=load_path)
     soften: Mapping[str, float] = field(default_factory=dict)
+    on_failure: Callable[[Any], None] | None = None
 
     def start(self, u: Any) -> tuple[States, Position]:
         """States and position at the beginning of the path."""
@@ -157,8 +160,12 @@ class LoadStepper:
                 target, self._far = self._target(position), False
                 result = _outcome(self._attempt, u, states, trial, position.time, target)
                 jumped = self._far
+                if jumped:
+                    result = self.solver.admitted_jump(u, trial, result)
                 if not result.converged:
                     cut_backs += 1
+                    if self.on_failure and cut_backs == 1:
+                        self.on_failure(u)
                     position = replace(position, size=0.5 * (target - position.time))
                     if position.size >= self.options.smallest:
                         continue
@@ -248,7 +255,7 @@ class LoadStepper:
         load = self._control(target)
         u.copy(trial)
         self.solver.set_prescribed(trial, load)
-        result = self.solver.solve(trial, minimise=True)
+        result = self.solver.admitted_jump(u, trial, self.solver.solve(trial, minimise=True))
         if result.converged:
             return result
         here, there = self.path.at(now), self.path.at(target)
@@ -298,10 +305,10 @@ class LoadStepper:
         softened = ""
         if self.soften:
             softened = f", {', '.join(self.soften)} raised up to {STIFFER[-1]:g} times to get past this load"
+        reason, remedy = (self.solver.admission and self.solver.admission.complaint()) or (result.reason, REMEDY)
         return (
-            f"{result.reason}; smallest {worst}. Tried: steps down to {self.options.smallest:g} of the load, "
-            f"extrapolated and tangent predictors, descent to another equilibrium{softened}. Try a larger alpha_r or "
-            "gamma, --continuation from a larger gamma, --rule triangles, or a finer medium there"
+            f"{reason}; smallest {worst}. Tried: steps down to {self.options.smallest:g} of the load, extrapolated and "
+            f"tangent predictors, descent to another equilibrium{softened}. {remedy}"
         )
 
     def _first_size(self, time: float) -> float:

@@ -94,14 +94,28 @@ class Block:
         """
         shapes, position = np.unique(self.batch.shape_c[chosen], return_inverse=True)
         position = position if len(shapes) > 1 else np.zeros(1, dtype=np.int64)  # one shape is not copied for each cell
+        polynomials = self._polynomials(u_ni[self.batch.nodes_ca[chosen]], shapes, position)
+        return self._at(polynomials, self.batch.xi_sqx[shapes], position)
+
+    def gradients_at(self, u_ni: Float, cells: Int, xi_cqx: Float) -> Float:
+        """The same at other points (n_cells, n_points, 2), in scaled coordinates, of the cells at some positions; where
+        the gradient has pieces, as many points in each, one after the other."""
+        shapes, position = np.unique(self.batch.shape_c[cells], return_inverse=True)
+        return self._at(self._polynomials(u_ni[self.batch.nodes_ca[cells]], shapes, position), xi_cqx, slice(None))
+
+    def _polynomials(self, u_cai: Float, shapes: Int, position: Int) -> Float:
+        """Coefficients (n_cells, n_pieces, n_monomials, 4) of the displacement's projected gradients."""
         coefficients = self.batch.coefficients(shapes)[0]
         _, n_pieces, _, n_monomials, n_basis = coefficients.shape
-        at_points = monomials.values(degree_of(n_monomials), self.batch.xi_sqx[shapes])
-        at_points = at_points.reshape(len(shapes), n_pieces, -1, n_monomials)
-        u_cai = u_ni[self.batch.nodes_ca[chosen]]
         by_direction = np.moveaxis(coefficients, 3, 2).reshape(len(shapes), -1, n_basis)  # pieces, monomials, x
-        polynomials = (by_direction[position] @ u_cai).reshape(len(u_cai), n_pieces, n_monomials, 4)
-        gradients: Float = (at_points[position] @ polynomials).reshape(len(u_cai), -1, 2, 2)
+        return (by_direction[position] @ u_cai).reshape(len(u_cai), n_pieces, n_monomials, 4)
+
+    def _at(self, polynomials: Float, xi_sqx: Float, position: Int | slice) -> Float:
+        """Values (n_cells, n_points, 2, 2) of such polynomials at points of shapes."""
+        n_cells, n_pieces, n_monomials, _ = polynomials.shape
+        at_points = monomials.values(degree_of(n_monomials), xi_sqx)
+        at_points = at_points.reshape(len(xi_sqx), n_pieces, -1, n_monomials)
+        gradients: Float = (at_points[position] @ polynomials).reshape(n_cells, -1, 2, 2)
         return gradients
 
 

@@ -25,6 +25,7 @@ from tmc_vem.parallel import on_every_rank
 from tmc_vem.places import Located
 from tmc_vem.solve.protocol import Evaluation, RegionValues
 from tmc_vem.vem.blocks import CHUNK, RegionKernel, make_blocks
+from tmc_vem.vem.dense import smallest_jacobians
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.element import ElementSettings, element_groups
 from tmc_vem.vem.insertion import MatrixInsertion
@@ -294,6 +295,10 @@ class VemSystem:
         displacement: Float = self._local_values(u)[nodes]
         return displacement
 
+    def cell_numbers(self) -> Int:
+        """Number (n_cells,) of each local cell in the whole mesh."""
+        return self.distributed.cell_ids
+
     def cell_areas(self) -> Float:
         """Reference area (n_cells,) of each local cell."""
         area_c = np.empty(self.distributed.mesh.n_cells)
@@ -323,6 +328,15 @@ class VemSystem:
                 mean[block.cells[chosen]] = (w * J).sum(axis=1) / w.sum(axis=1)
                 smallest[block.cells[chosen]] = J.min(axis=1)
         return mean, smallest
+
+    def dense_jacobians(self, u: Any) -> Float:
+        """Smallest J (n_cells,) of each local cell on a grid much finer than the quadrature's."""
+        u_nodes, mesh = self._local_values(u), self.distributed.mesh
+        smallest = np.empty(mesh.n_cells)
+        for block in self.blocks:
+            for chosen in block.chunks():
+                smallest[block.cells[chosen]] = smallest_jacobians(block, mesh, u_nodes, chosen)
+        return smallest
 
     def work(self) -> dict[str, float]:
         """This rank's share of the work: cells, the cost that the partitioner balanced, seconds spent in kernels."""

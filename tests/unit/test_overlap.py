@@ -1,0 +1,209 @@
+"""Solids do not overlap: states in which they do are refused, wherever they come from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers_blocks import blocks
+from helpers_system import interpolate, problem_system
+from numpy.typing import NDArray
+
+from tmc_vem import run
+from tmc_vem.overlap import OverlapWatch, Refusal
+from tmc_vem.problem_file import read_problem
+from tmc_vem.report.contact import OVERLAP, Overlap
+from tmc_vem.results import RunResult
+from tmc_vem.solve.newton import NewtonSolver
+from tmc_vem.solve.protocol import Evaluation, RegionValues
+from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
+
+Float = NDArray[np.float64]
+SQUEEZED = Evaluation(0.0, {"medium": RegionValues(0.0, 0.05)})
+WIDE = Evaluation(0.0, {"medium": RegionValues(0.0, 0.5)})
+
+
+@pytest.fixture
+def system(tmp_path: Path) -> Any:
+    return problem_system(read_problem(str(blocks(tmp_path, cells="quadrilaterals", size=0.2)))[0])
+
+
+def lowered(amount: float) -> Any:
+    """The upper block moved down as it is, the medium between them shared out."""
+    return lambda x: np.column_stack([0.0 * x[:, 0], -amount * np.clip((x[:, 1] - 0.4) / 0.2, 0.0, 1.0)])
+
+
+# -- the watch alone -------------------------------------------------------------------------------------------------
+
+
+def test_states_with_and_without_overlap(system: Any) -> None:
+    watch = OverlapWatch(system, ["medium"], 2)
+    for amount, refused in ((0.1, False), (0.199, False), (0.2 + 0.5 * OVERLAP, False), (0.21, True), (0.3, True)):
+        words = watch.refusal(interpolate(system, lowered(amount)), SQUEEZED)
+        assert bool(words) == refused, amount
+    assert watch.refused is not None
+    assert watch.refused.overlap.depth == pytest.approx(0.1)
+    assert watch.refused.overlap.area == pytest.approx(0.1)
+    assert set(watch.refused.regions) == {"low", "up"}
+    names = system.regions
+    for cell, name in zip(watch.refused.cells, watch.refused.regions, strict=True):
+        assert names[system.distributed.mesh.region_c[cell]] == name
+    assert "depth 1.00e-01" in words
+    assert "inside cell" in words
+    watch.accepted()
+    assert watch.complaint() is None
+
+
+def test_nothing_is_looked_at_before_the_medium_is_squeezed(system: Any) -> None:
+    watch = OverlapWatch(system, ["medium"], 2)
+    through = interpolate(system, lowered(0.3))
+    assert not watch.refusal(through, WIDE)
+    assert watch.refusal(through, SQUEEZED)
+    assert watch.refusal(through, WIDE)  # from then on every state
+
+
+def test_overlap_may_be_allowed(system: Any) -> None:
+    watch = OverlapWatch(system, ["medium"], 2, tolerated=True)
+    assert not watch.refusal(interpolate(system, lowered(0.3)), SQUEEZED)
+    assert watch.crossed
+    assert not watch.refusal(interpolate(system, lowered(0.1)), SQUEEZED)
+    assert not watch.crossed
+
+
+def test_a_jump_to_the_other_side_is_seen(system: Any) -> None:
+    """Blocks that changed places do not overlap: that one went through the other shows in between."""
+    watch = OverlapWatch(system, ["medium"], 2)
+    before, near, beyond = (interpolate(system, lowered(amount)) for amount in (0.15, 0.19, 1.5))
+    assert not watch.refusal(beyond, SQUEEZED)
+    assert "passed through each other" in watch.refusal_of_jump(before, beyond)
+    assert watch.refused is not None
+    assert watch.refused.passed
+    assert not watch.refusal_of_jump(before, near)
+
+
+def test_a_fold_counts_by_its_area_only() -> None:
+    size = 2.0
+    assert not Overlap(area=0.5 * OVERLAP * size**2, fold=0.1).exceeds(size)
+    assert Overlap(area=1.5 * OVERLAP * size**2, fold=0.1).exceeds(size)
+    assert Overlap(depth=1.5 * OVERLAP * size).exceeds(size)
+    assert "a corner closes on itself: depth 1.00e-01" in Refusal(Overlap(fold=0.1)).sentence()
+
+
+# -- signs of gaps ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "amount", "behind"),
+    [
+        ((0.4, 0.6), (0.4, 0.4), 0.3, True),
+        ((0.4, 0.4), (0.4, 0.6), 0.3, True),
+        ((0.4, 0.6), (0.4, 0.4), 0.1, False),
+        ((0.0, 0.6), (0.0, 0.4), 0.3, True),  # corners: the mean of both normals
+        ((0.4, 0.8), (0.4, 0.4), 0.5, True),  # inside of a body: the normal of the other one
+        ((0.4, 0.8), (0.4, 0.2), 0.7, False),  # neither on an outline: no sign
+        ((0.4, 0.6), (0.4, 1.0), 0.3, False),  # behind it from the start: a thickness is no gap
+    ],
+)
+def test_the_second_point_is_behind_the_surface_of_the_first(
+    system: Any, first: tuple[float, float], second: tuple[float, float], amount: float, behind: bool
+) -> None:
+    watch = OverlapWatch(system, ["medium"], 2, tolerated=True)
+    u = interpolate(system, lowered(amount))
+    watch.refusal(u, SQUEEZED)
+    origins = [np.array(first), np.array(second)]
+    places = [origin + lowered(amount)(origin[None])[0] for origin in origins]
+    assert watch.behind(u, origins, places) is behind
+
+
+# -- in the solver ---------------------------------------------------------------------------------------------------
+
+
+class Until:
+    """Refuses every state beyond a load factor."""
+
+    def __init__(self, system: Any, load: float) -> None:
+        self.system, self.load, self.refusals = system, load, 0
+
+    def refusal(self, u: Any, evaluation: Evaluation) -> str:
+        here = u.getArray(readonly=True)[self.system.constrained()]
+        full = self.system.prescribed(1.0)
+        beyond = float(here @ full / (full @ full)) > self.load
+        self.refusals += beyond
+        return "beyond" if beyond else ""
+
+    def refusal_of_jump(self, before: Any, after: Any) -> str:
+        return ""
+
+    def complaint(self) -> tuple[str, str] | None:
+        return "it is beyond", "Stay here"
+
+
+def test_a_refused_state_counts_as_a_failed_step(system: Any) -> None:
+    until = Until(system, 0.3)
+    steps: list[Any] = []
+    stepper = LoadStepper(
+        NewtonSolver(system, admission=until), SteppingOptions(smallest=1e-3), lambda step, *_: steps.append(step),
+        soften={"gamma": 1e-4},
+    )  # fmt: skip
+    u = system.create_vector()
+    result = stepper.run(u)
+    assert not result.complete
+    assert result.load == pytest.approx(0.3, abs=2e-3)
+    assert result.load <= 0.3
+    assert result.reason.startswith("it is beyond; smallest J")
+    assert result.reason.endswith("Stay here")
+    assert until.refusals > 5  # extrapolated and tangent predictors, descent, detours, a stiffer medium
+    assert steps[-1].load == result.load
+
+
+# -- whole runs ------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
+    here = tmp_path_factory.mktemp("blocks")
+    problem, options = read_problem(str(blocks(here)))
+    return run(problem, here / "run", options)
+
+
+def test_blocks_do_not_pass_through_each_other(stopped: RunResult) -> None:
+    result = stopped
+    assert not result.complete
+    assert result.load < 0.81
+    assert "solids would overlap: depth" in result.reason
+    checks = result.checks
+    assert checks["penetration_depth"] <= OVERLAP
+    assert checks["overlap_area"] <= OVERLAP
+    assert (result.gap or 0.0) > 0.0
+    assert result.directory is not None
+    again = RunResult.read(result.directory)
+    assert again.load == result.load
+    assert again.history[-1].load_force == result.history[-1].load_force
+
+
+def test_what_happens_if_they_may(tmp_path: Path) -> None:
+    problem, options = read_problem(str(blocks(tmp_path, "allow_overlap = true")))
+    result = run(problem, tmp_path / "run", options)
+    assert result.complete
+    assert result.inputs["allow_overlap"] is True
+    assert result.gap == pytest.approx(-0.05, abs=2e-3)
+    signs = [record.gap > 0.0 for record in result.history if record.gap is not None]
+    assert signs == sorted(signs, reverse=True)
+    balance = result.checks["energy_balance"]
+    assert balance["lost"] > 0.0
+    assert balance["stored"] == pytest.approx(
+        balance["work"] + balance["parameters"] + balance["integration_error"] - balance["lost"], rel=1e-12
+    )
+    assert sum(record.jumped for record in result.history) == len(balance["jumps"])
+
+
+def test_a_resumed_run_is_refused_at_the_same_load(stopped: RunResult, tmp_path: Path) -> None:
+    problem, options = read_problem(str(blocks(tmp_path)))
+    assert not run(problem, tmp_path / "parts", replace(options, max_iterations=60)).complete
+    resumed = run(problem, tmp_path / "parts", options, resume=True)
+    assert resumed.load == stopped.load
+    assert resumed.reason == stopped.reason
+    assert resumed.history[-1].energy == stopped.history[-1].energy
