@@ -94,3 +94,14 @@ def test_polynomials_are_exact_at_any_point(order: int, triangles: bool) -> None
     points = np.concatenate([np.random.default_rng(3).uniform(0.0, 1.0, (100, 2)), mesh.points_vx])
     found = Places(system, points).displacements(system.interpolate(field))
     assert found == pytest.approx(field(points), abs=1e-10)
+
+
+@pytest.mark.parametrize("triangles", [False, True])
+def test_the_smallest_j_of_cells_is_looked_for_in_their_vertices_too(triangles: bool) -> None:
+    """u = (0.3 x^2, 0): J = 1 + 0.6 x, smallest at the left-most vertex."""
+    mesh = grid(3, 3, distort=0.25)
+    system = make_system(mesh, SOLID, triangles=triangles)
+    u = system.interpolate(lambda x: np.stack([0.3 * x[:, 0] ** 2, 0.0 * x[:, 0]], axis=1))
+    expected = 1.0 + 0.6 * system.mesh.points_cvx[..., 0].min(axis=1)
+    assert system.dense_jacobians(u) == pytest.approx(expected, abs=1e-12)
+    assert (system.dense_jacobians(u) < system.cell_jacobians(u)[1]).all()

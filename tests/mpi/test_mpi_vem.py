@@ -87,3 +87,19 @@ def test_errors_of_one_rank_are_raised_on_all(n_ranks):
         assert len(outcomes) == n_ranks
         assert all(expected[name] in outcome for outcome in outcomes), outcomes
         assert len(set(outcomes)) == 1
+
+
+@pytest.mark.parametrize("n_ranks", RANKS)
+def test_overlap_is_seen_on_any_ranks(n_ranks):
+    report = run("overlap_by_rank.py", n_ranks)
+    for method in ("vem", "fem"):
+        said = report[method]
+        assert not said["apart"]
+        assert said["inside"].startswith("solids would overlap: depth 5.00e-02 at (")
+        assert said["behind"] is True
+        assert not said["beyond"]
+        assert said["jump"].startswith("solids would have passed through each other: depth")
+        assert said["inverted"] == 23  # all cells of the medium, none of the blocks
+    # the place, and the cells there, are the same wherever they are
+    assert report["vem"] == run("overlap_by_rank.py", 1)["vem"]
+    assert report["fem"]["inside"].split("where")[0] == run("overlap_by_rank.py", 1)["fem"]["inside"].split("where")[0]

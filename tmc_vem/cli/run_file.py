@@ -10,7 +10,7 @@ import click
 
 SUFFIX = ".toml"
 # options that the file decides unless they are given
-DECIDED = ("method", "steps", "snapshots", "checkpoint_every", "max_iterations", "max_seconds")
+DECIDED = ("method", "steps", "snapshots", "checkpoint_every", "max_iterations", "max_seconds", "allow_overlap")
 
 
 class RunGroup(click.Group):
@@ -46,6 +46,7 @@ def problem_command(path: str) -> click.Command:
     options: list[click.Parameter] = [
         click.Option(["--method"], type=click.Choice(["vem", "fem"]), help="Virtual or Lagrange elements."),
         click.Option(["--steps"], type=int, help="Equal load steps."),
+        click.Option(["--allow-overlap"], is_flag=True, default=None, help="Go on where solids overlap, to study it."),
         click.Option(["--max-iterations"], type=int, help="Stop after this many Newton iterations; resume goes on."),
         click.Option(["--max-seconds"], type=float, help="Stop after this wall time; resume goes on."),
         click.Option(["--out"], type=click.Path(path_type=Path), help="Run directory. Default: nothing is written."),

@@ -27,7 +27,7 @@ NEAR = 0.05
 ROUNDING = 1e-12
 # What is tolerated: depth relative to the size of the domain, and area relative to its square.
 OVERLAP = 1e-6
-EQUAL = 1e-9  # relative difference of depths that are the same but for rounding
+EQUAL = 1e-9  # relative difference of depths, and of places in the domain, that are the same but for rounding
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ def _deepest(solids: Solids, outline: Chains) -> Overlap:
         return Overlap()
     deepest = np.flatnonzero((depth >= (1.0 - EQUAL) * most) & (is_fold == (penetration == 0.0)))
     side, position = (index[deepest] for index in where)
-    n = np.lexsort(outline.now[side, position].T)[0]
+    n = np.lexsort(np.round(outline.now[side, position] / (EQUAL * solids.size)).T)[0]
     (x, y), (x0, y0) = outline.now[side[n], position[n]], outline.before[side[n], position[n]]
     cells = solids.numbers[[outline.cell[side[n]], inside_of[deepest[n]]]].tolist()
     return Overlap(0.0, penetration, fold, (float(x), float(y)), (float(x0), float(y0)), (cells[0], cells[1]))
