@@ -124,5 +124,5 @@ class Nodes:
             columns += [nodes[:, [start]], np.take_along_axis(inner, np.argsort(distance, axis=1), axis=1)]
         sides: Int = np.concatenate(columns, axis=1)
         clockwise = areas(self.points_nx[sides]) < 0.0  # dolfinx may number a cell the other way round
-        sides[clockwise] = sides[clockwise][:, ::-1]
+        sides[clockwise] = np.roll(sides[clockwise][:, ::-1], 1, axis=1)  # a vertex stays the first
         return sides

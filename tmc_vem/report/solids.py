@@ -83,6 +83,10 @@ class Solids:
         labels = np.zeros(len(self._before), dtype=np.int64)
         labels[corners] = same_points(self._before[corners])
         self.ends = labels[self.side_nodes[:, [0, -1]]]
+        # copies on several ranks differ by rounding, and lines of them would not close
+        one_of_them = np.empty(labels.max(initial=0) + 1, dtype=np.int64)
+        one_of_them[labels[corners]] = corners
+        self.side_nodes[:, [0, -1]] = one_of_them[self.ends]
 
     @property
     def size(self) -> float:
