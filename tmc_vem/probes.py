@@ -79,7 +79,11 @@ class Position:
 
 @dataclass(frozen=True)
 class Gap:
-    """Distance of two points in the deformed state."""
+    """Distance of two points in the deformed state.
+
+    Raises:
+        InputError: it is that of a point and itself.
+    """
 
     first: Place
     second: Place
@@ -89,6 +93,10 @@ class Gap:
         check_fields(self)
         _check_place(self.first)
         _check_place(self.second)
+        if self.first == self.second:
+            raise InputError(
+                f"the gap of {_said(self.first)} and itself is 0 always: name points on the two surfaces that approach"
+            )
 
     @property
     def places(self) -> tuple[Place, ...]:

@@ -122,6 +122,16 @@ def test_a_single_cell_across_a_gap():
     (thin,) = found(scene(n=5), THIN)
     assert thin.width == pytest.approx(0.2)
     assert "size 0.1" in thin.sentence
+    assert thin.likely
+
+
+def test_a_single_layer_of_triangles_across_a_gap():
+    mesh = scene(n=5)
+    triangles = [t for a, b, c, d in mesh.cells() for t in ((a, b, c), (a, c, d))]
+    cut = PolygonMesh.from_cells(
+        mesh.points_vx, triangles, np.repeat(mesh.region_c, 2), mesh.region_names, mesh.named_points, mesh.named_edges
+    )
+    assert [hint.width for hint in found(cut, THIN)] == [pytest.approx(0.2)]
 
 
 PROBLEMS = {

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.budget import POLYGONS, check_size
+from tmc_vem.mesh.narrow import narrow_place
 from tmc_vem.mesh.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton
 from tmc_vem.mesh.polygon import PolygonMesh
 
@@ -76,6 +77,16 @@ def voronoi_mesh(
     _check_overlap(regions)
     check_size(regions, size, POLYGONS)
     skeleton = make_skeleton(regions, size, points)
+    try:
+        return _meshed(regions, size, skeleton, relaxation, shortest, seed)
+    except InputError as error:
+        narrow = narrow_place(regions, skeleton, size)
+        raise (InputError(narrow) if narrow else error) from None
+
+
+def _meshed(
+    regions: Sequence[Region], size: Size, skeleton: Skeleton, relaxation: int, shortest: float, seed: int
+) -> PolygonMesh:
     fixed, radius_n = interface_sites(skeleton)
     inside = _interior_sites(regions, size, fixed, skeleton, radius_n, np.random.default_rng(seed))
     for _ in range(relaxation):

@@ -2,8 +2,8 @@
 
 J > 0 at quadrature points does not keep bodies apart everywhere. Where the medium has a free side that ends flush with
 the bodies, the side is drawn in as a notch and the bodies' ends pass through it; a sharp corner of a solid slips
-between points where J is checked; a medium whose regulariser has a length that is small against the gap folds. docs/solver.md
-tells more. This module is geometry only; it looks at the undeformed mesh once.
+between points where J is checked; a medium whose regulariser has a length that is small against the gap folds.
+docs/solver.md tells more. This module is geometry only; it looks at the undeformed mesh once.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from tmc_vem.constraints import Prescribed
 from tmc_vem.mesh.interface import Interface, bodies, free_chains, interface, solid_angles
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.base import RegionEnergy
-from tmc_vem.problems.conditions import vertices_at
+from tmc_vem.problems.conditions import held_components, vertices_at
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -131,10 +131,7 @@ class _Scene:
     @cached_property
     def held_vi(self) -> Bool:
         """(n_vertices, 2) which components are prescribed at which vertices."""
-        held = np.zeros((self.mesh.n_vertices, 2), dtype=np.bool_)
-        for condition in self.prescribed:
-            held[vertices_at(self.mesh, condition.where), condition.component] = True
-        return held
+        return held_components(self.mesh, self.prescribed)
 
     @cached_property
     def moves_bci(self) -> Float:
@@ -242,8 +239,7 @@ class _Scene:
         direction = (across.point_nx[a] - middle[a]) / width[:, None]
         close = self.closing(self.body_s[a], self.body_s[b], direction) >= NEAR * width
         a, b, width, places = a[close], b[close], width[close], (0.5 * (across.point_nx + middle))[a[close]]
-        apart = (sides.ends_sv[a][:, :, None] != sides.ends_sv[b][:, None, :]).all(axis=(1, 2))
-        single = (sides.medium_s[a] == sides.medium_s[b]) & apart
+        single = self._reached(a, b)
         medium_n = self.mesh.region_c[sides.medium_s[a]]
         found = []
         for r in np.unique(medium_n).tolist():
@@ -270,12 +266,25 @@ class _Scene:
                 t, place = float(width[worst]), _point(places[worst])
                 found.append(
                     Hint(
-                        THIN, (place,), names, t, False,
+                        THIN, (place,), names, t, True,
                         f"region '{names[0]}' has a single cell across the gap of {t:.3g} at {_said(place)}: use cells "
                         f"of size {0.5 * t:.3g} or less there",
                     )
                 )  # fmt: skip
         return found
+
+    def _reached(self, a: Int, b: Int) -> Bool:
+        """(n,) whether the medium's cell at sides ``a`` has a vertex of sides ``b``, which share none with ``a``."""
+        mesh, sides = self.mesh, self.sides
+        cell_of_side = np.repeat(np.arange(mesh.n_cells), mesh.n_sides_c)
+        asked = np.zeros(mesh.n_cells, dtype=np.bool_)
+        asked[sides.medium_s[a]] = True
+        mine = asked[cell_of_side]
+        corners = cell_of_side[mine] * mesh.n_vertices + mesh.cell_vertices[mine]
+        wanted = sides.medium_s[a][:, None] * mesh.n_vertices + sides.ends_sv[b]
+        apart = (sides.ends_sv[a][:, :, None] != sides.ends_sv[b][:, None, :]).all(axis=(1, 2))
+        reached: Bool = np.isin(wanted, corners).any(axis=1) & apart
+        return reached
 
     def _close(self, a: int, b: int, direction: Float, width: float) -> bool:
         """Whether the bodies at two sides come near each other."""
