@@ -16,7 +16,7 @@ from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.problem_file import read_problem
 from tmc_vem.problems import Bodies, Box, CBox, Material, Medium, Punch
 from tmc_vem.problems.base import medium_region, solid_region
-from tmc_vem.problems.hints import CORNER, FLUSH, SHORT, THIN, hints, likely
+from tmc_vem.problems.hints import CORNER, FLUSH, SHORT, THIN, cause_at, hints, likely
 
 ROOT = Path(__file__).parents[2]
 STEEL = Material(K=20.0, mu=10.0)
@@ -158,6 +158,15 @@ def test_no_more_than_three_of_a_kind_are_said():
     hint = found(scene(), FLUSH)[0]
     many = [replace(hint, sentence=f"place {n}") for n in range(5)]
     assert likely([*many, *many]) == ["place 0", "place 1", "place 2 (2 more such places)"]
+
+
+def test_the_cause_at_a_place_of_overlap():
+    causes = found(scene(), FLUSH)
+    at = cause_at(causes, (0.97, 0.45))
+    assert at is not None
+    assert at.where == pytest.approx((1.0, 0.5))
+    assert cause_at(causes, (0.5, 0.5)) is None
+    assert cause_at([], (0.5, 0.5)) is None
 
 
 def test_solids_alone_have_no_gaps():

@@ -115,7 +115,7 @@ def interface(mesh: PolygonMesh, is_medium_c: Bool) -> Interface:
         mesh: the mesh.
         is_medium_c: (n_cells,) which cells are medium.
     """
-    left, right = sides_of_edges(mesh)
+    left, right = mesh.cells_of_edges
     kind = np.append(is_medium_c.astype(np.int64), -1)  # the last for where there is no cell
     solid_left = np.flatnonzero((kind[left] == 0) & (kind[right] == 1))
     solid_right = np.flatnonzero((kind[left] == 1) & (kind[right] == 0))
@@ -128,22 +128,12 @@ def interface(mesh: PolygonMesh, is_medium_c: Bool) -> Interface:
     )
 
 
-def sides_of_edges(mesh: PolygonMesh) -> tuple[Int, Int]:
-    """(n_edges,) cells on the left and on the right of each edge in its own direction, -1 where there is none."""
-    edges = mesh.edges
-    cell_of_side = np.repeat(np.arange(mesh.n_cells), mesh.n_sides_c)
-    left, right = np.full((2, len(edges)), -1)
-    left[edges.cell_edges[edges.forward]] = cell_of_side[edges.forward]
-    right[edges.cell_edges[~edges.forward]] = cell_of_side[~edges.forward]
-    return left, right
-
-
 def bodies(mesh: PolygonMesh, chosen_c: Bool) -> Int:
     """(n_cells,) number of the body of each chosen cell, -1 for the others; cells that share an edge are one body."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    left, right = sides_of_edges(mesh)
+    left, right = mesh.cells_of_edges
     inner = (left >= 0) & (right >= 0)
     left, right = left[inner], right[inner]
     joined = chosen_c[left] & chosen_c[right]
@@ -159,7 +149,7 @@ def free_chains(mesh: PolygonMesh, is_medium_c: Bool) -> list[Int]:
 
     Closed pieces, all around a mesh, are no such pieces.
     """
-    left, right = sides_of_edges(mesh)
+    left, right = mesh.cells_of_edges
     outer = np.flatnonzero((left < 0) | (right < 0))
     ends = mesh.edges.vertices_ev[outer]
     ends = np.where((left[outer] >= 0)[:, None], ends, ends[:, ::-1])  # the cell is on the left

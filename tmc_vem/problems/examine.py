@@ -79,10 +79,10 @@ def of_moduli(regions: Mapping[str, RegionEnergy]) -> list[str]:
                 f"{said}, above {ABSURD:g}: nothing is that incompressible, so check the units of K and mu; elements "
                 "lock, and load steps fail. Rubber has about 1e3 to 1e4"
             )
-        elif ratio > STIFF:
+        elif ratio >= STIFF:
             found.append(
-                f"{said}, nearly incompressible (above {STIFF:g}): displacements may lock; compare with smaller cells "
-                "or order 3"
+                f"{said}, nearly incompressible ({STIFF:g} or more): displacements may lock; compare with smaller "
+                "cells or order 3"
             )
         elif ratio < 1.0 / ABSURD:
             found.append(f"{said}, below {1.0 / ABSURD:g}: check the units of K and mu")

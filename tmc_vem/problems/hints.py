@@ -8,6 +8,7 @@ docs/solver.md tells more. This module is geometry only; it looks at the undefor
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -103,6 +104,18 @@ def likely(found: Iterable[Hint]) -> list[str]:
         for kind, sentences in said.items()
         for n, sentence in enumerate(sentences[:3])
     ]
+
+
+def cause_at(found: Iterable[Hint], place: Point) -> Hint | None:
+    """The cause nearest to a place where bodies overlap, likely or not; None if none is within a gap's width.
+
+    Args:
+        found: of :func:`hints`.
+        place: coordinates in the reference configuration.
+    """
+    near = [(min(math.dist(place, point) for point in hint.places) - hint.width, hint) for hint in found]
+    away, hint = min(near, key=lambda pair: pair[0], default=(1.0, None))
+    return hint if away <= 0.0 else None
 
 
 @dataclass(frozen=True)

@@ -315,6 +315,9 @@ class ProblemTable:
             raise InputError(f"probes: {GAP}: there is a gap at the top of the file already; leave out one of them")
         for name in self.probes:
             check_name(name)
+        twice = [name for name in self.points if name in self.edges]
+        if twice:
+            raise InputError(f"points: '{twice[0]}' is the name of edges too: give one of them another name")
         if not self.regions:
             raise InputError("regions: there is none")
         if (self.mesh.file is None) == (not self.shapes):
