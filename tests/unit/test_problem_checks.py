@@ -168,7 +168,7 @@ def test_a_gap_that_is_too_thin_for_the_cells(tmp_path):
     path = tmp_path / "blocks.toml"
     path.write_text(BLOCKS.replace("0.6]", "0.41]").replace("0.6, 1,", "0.41, 1,"))
     problem, _ = read_problem(path)
-    with pytest.raises(InputError, match=r"region 'medium' is 0.01 wide at .*size of 0.005 or less"):
+    with pytest.raises(InputError, match=r"region 'medium' is 0.01 wide there.*size of 0.005 or less"):
         problem.make_mesh()
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.mesh.outline import Region, Size, Skeleton, evaluate_size
+from tmc_vem.mesh.outline import COINCIDE, Region, Size, Skeleton, evaluate_size
 
 Float = NDArray[np.float64]
 
@@ -29,6 +29,7 @@ def narrow_place(regions: Sequence[Region], skeleton: Skeleton, size: Size) -> s
     start, arm = nodes[segments[:, 0]], nodes[segments[:, 1]] - nodes[segments[:, 0]]
     length = np.hypot(*arm.T)
     tangent = arm / length[:, None]
+    touching = COINCIDE * float(np.ptp(nodes, axis=0).max())
     width, foot = np.full(len(nodes), np.inf), np.zeros_like(nodes)
     step = max(1, PAIRS_AT_ONCE // len(segments))
     own = np.stack([np.full(len(nodes), -1)] * 2, axis=1)
@@ -42,7 +43,7 @@ def narrow_place(regions: Sequence[Region], skeleton: Skeleton, size: Size) -> s
         across = np.abs(np.einsum("nsx,sx->ns", way, tangent)) <= ACROSS * distance
         mine = tangent[own[first : first + step]]
         across &= (np.abs(np.einsum("nsx,nkx->nsk", way, mine)) <= ACROSS * distance[..., None]).any(axis=-1)
-        distance[~across | (distance == 0.0)] = np.inf
+        distance[~across | (distance <= touching)] = np.inf
         nearest = distance.argmin(axis=1)
         rows = np.arange(len(x))
         width[first : first + step] = distance[rows, nearest]
@@ -53,9 +54,9 @@ def narrow_place(regions: Sequence[Region], skeleton: Skeleton, size: Size) -> s
         return None
     middle = 0.5 * (nodes[n] + foot[n])
     return (
-        f"{_region_at(regions, middle)} is {width[n]:.3g} wide at ({middle[0]:.4g}, {middle[1]:.4g}), too narrow for "
-        f"cells of size {h[n]:.3g}: two must fit across, so use a size of {width[n] / CELLS_ACROSS:.3g} or less there "
-        "(refine), or make it wider"
+        f"the interface near ({middle[0]:.4g}, {middle[1]:.4g}) is not resolved: {_region_at(regions, middle)} is "
+        f"{width[n]:.3g} wide there, too narrow for cells of size {h[n]:.3g}; two must fit across, so use a size of "
+        f"{width[n] / CELLS_ACROSS:.3g} or less there (refine), or make it wider"
     )
 
 
