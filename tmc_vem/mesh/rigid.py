@@ -71,11 +71,16 @@ def free_parts(mesh: PolygonMesh, chosen_c: Bool, held_vi: Bool) -> list[FreePar
         points = [vertex_p[first[b] : first[b + 1]] for b in members.tolist()]
         said = _motion(mesh.points_vx, points, held_vi)
         if said:
-            x = mesh.points_vx[np.concatenate(points)]
-            middle = 0.5 * (x.min(axis=0) + x.max(axis=0))
+            middle, extent = _frame(mesh.points_vx[np.concatenate(points)])
             cells = np.flatnonzero(np.isin(body_c, members))
-            found.append(FreePart(part + 1, n_parts, cells, (float(middle[0]), float(middle[1])), *said))
+            found.append(FreePart(part + 1, n_parts, cells, without_rounding(middle, extent), *said))
     return found
+
+
+def without_rounding(point: Float, extent: float) -> tuple[float, float]:
+    """A point as messages show it: what is zero up to a billionth of the extent is zero."""
+    x, y = np.where(np.abs(point) < 1e-9 * extent, 0.0, point).tolist()
+    return x, y
 
 
 def _parts(body_p: Int, vertex_p: Int, n_bodies: int) -> Int:
@@ -121,8 +126,8 @@ def _motion(points_vx: Float, bodies_v: list[Int], held_vi: Bool) -> tuple[str, 
         if not free and len(bodies_v) == 1:
             (x, y), extent = frames[0]
             a, b, w = null[0]
-            centre = np.round(np.array([x - b * extent / w, y + a * extent / w]) / extent, 8) * extent + 0.0
-            said += f" about ({centre[0]:.4g}, {centre[1]:.4g})"
+            x0, y0 = without_rounding(np.array([x - b * extent / w, y + a * extent / w]), extent)
+            said += f" about ({x0:.4g}, {y0:.4g})"
     return said, tuple(("ux", "uy")[axis] for axis in free)
 
 

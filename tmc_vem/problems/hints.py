@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from tmc_vem.constraints import Prescribed
 from tmc_vem.mesh.interface import Interface, bodies, free_chains, interface, solid_angles
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.mesh.rigid import without_rounding
 from tmc_vem.problems.base import RegionEnergy
 from tmc_vem.problems.conditions import held_components, vertices_at
 
@@ -196,7 +197,7 @@ class _Scene:
         first, second = near.point_nx[n], far.point_nx[n]
         width = float(np.hypot(*(second - first)))
         medium, *solids = self._names(self.sides.medium_s[a], self.sides.solid_s[a], self.sides.solid_s[b])
-        places = (_point(first), _point(second))
+        places = (self._point(first), self._point(second))
         return [
             Hint(
                 FLUSH, places, (medium, *solids), width, self._close(a, b, (second - first) / width, width),
@@ -231,7 +232,7 @@ class _Scene:
             medium, solid, other = self._names(sides.medium_s[a], sides.solid_s[a], sides.solid_s[b])
             direction = (ahead.point_nx[n] - x[corner[n]]) / width
             weak = not self._alpha(medium, width) >= ENOUGH_ALPHA * (1.0 - 1e-9)
-            place = _point(x[corner[n]])
+            place = self._point(x[corner[n]])
             found.append(
                 Hint(
                     CORNER, (place,), (medium, solid, other), width, weak and self._close(a, b, direction, width),
@@ -259,7 +260,7 @@ class _Scene:
             mine = np.flatnonzero(medium_n == r)
             narrow = mine[width[mine].argmin()]
             names = self._names(sides.medium_s[a[narrow]], sides.solid_s[a[narrow]], sides.solid_s[b[narrow]])
-            t, place = float(width[narrow]), _point(places[narrow])
+            t, place = float(width[narrow]), self._point(places[narrow])
             alpha = self._alpha(names[0], t)
             if alpha < SHORT_LENGTH**2:
                 value = self.regions[names[0]].values["alpha_r"]
@@ -276,7 +277,7 @@ class _Scene:
             if len(thin):
                 worst = thin[width[thin].argmin()]
                 names = self._names(sides.medium_s[a[worst]], sides.solid_s[a[worst]], sides.solid_s[b[worst]])
-                t, place = float(width[worst]), _point(places[worst])
+                t, place = float(width[worst]), self._point(places[worst])
                 found.append(
                     Hint(
                         THIN, (place,), names, t, True,
@@ -317,12 +318,11 @@ class _Scene:
         wanted = ENOUGH_ALPHA * self.regions[medium].values["mu"] * width**2
         return f", and use alpha_r of about 2.5 mu gap^2 = {wanted:.3g}"
 
+    def _point(self, x: Float) -> Point:
+        return without_rounding(x, float(np.ptp(self.mesh.points_vx, axis=0).max()))
+
     def _names(self, *cells: int) -> tuple[str, ...]:
         return tuple(self.mesh.region_names[self.mesh.region_c[c]] for c in cells)
-
-
-def _point(x: Float) -> Point:
-    return float(x[0]), float(x[1])
 
 
 def _said(place: Point) -> str:
