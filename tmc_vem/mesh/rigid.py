@@ -113,7 +113,8 @@ def _motion(points_vx: Float, bodies_v: list[Int], held_vi: Bool) -> tuple[str, 
     rows.append(_hinges(points_vx, bodies_v, frames))
     system = np.concatenate(rows)
     limit = ZERO * np.sqrt(max(1, len(system)))
-    _, values, modes = np.linalg.svd(system, full_matrices=True)
+    missing = np.zeros((max(0, width - len(system)), width))
+    _, values, modes = np.linalg.svd(np.concatenate([system, missing]), full_matrices=False)
     null = modes[int((values > limit).sum()) :]
     if not len(null):
         return None
