@@ -34,8 +34,12 @@ ENOUGH_ALPHA = 2.5
 # sqrt(alpha_r / mu) / t below which the regulariser hardly ties the medium together over the gap; the box of the paper
 # with alpha_r = 0.1 has 0.33
 SHORT_LENGTH = 0.25
-# Bodies come near each other if their prescribed displacements close this part of the gap between them.
-NEAR = 0.5
+# Bodies come near each other if their prescribed displacements close this part of the gap between them; a corner on a
+# flat shows late.
+NEAR, NEAR_CORNER = 0.5, 0.75
+# A corner that meets another one, up to this part of the gap, is kept off by enough alpha_r, as in the C-box; on a flat
+# a square punch went in 4e-4 with it, and rounded it did not.
+AT_CORNER = 0.1
 # Inner angle of a solid at a sharp corner, at most; arcs are divided into turns of 45 degrees or less.
 SHARP = np.deg2rad(130.0)
 # Medium ends flush where surfaces are seen in directions that differ by 180 degrees up to this much: a quarter of the
@@ -226,16 +230,18 @@ class _Scene:
             return []
         normals = np.stack([sides.normal_sx[into[corner]], sides.normal_sx[out[corner]]], axis=1)
         ahead = sides.nearest(x[corner], normals, 0.9, 0.3)
+        ends = np.union1d(corner, np.flatnonzero((into >= 0) != (out >= 0)))
         found = []
         for n in np.flatnonzero(ahead.side_n >= 0).tolist():
             a, b, width = int(out[corner[n]]), int(ahead.side_n[n]), float(ahead.distance_n[n])
             medium, solid, other = self._names(sides.medium_s[a], sides.solid_s[a], sides.solid_s[b])
             direction = (ahead.point_nx[n] - x[corner[n]]) / width
-            weak = not self._alpha(medium, width) >= ENOUGH_ALPHA * (1.0 - 1e-9)
+            to_corner = np.hypot(*(x[ends] - ahead.point_nx[n]).T).min() <= AT_CORNER * width
+            risky = not to_corner or self._alpha(medium, width) < ENOUGH_ALPHA * (1.0 - 1e-9)
             place = self._point(x[corner[n]])
             found.append(
                 Hint(
-                    CORNER, (place,), (medium, solid, other), width, weak and self._close(a, b, direction, width),
+                    CORNER, (place,), (medium, solid, other), width, risky and self._close(a, b, direction, width, NEAR_CORNER),
                     f"the corner of region '{solid}' at {_said(place)} is sharp and meets region '{other}', "
                     f"{width:.3g} away: it may slip into it between points where J is checked; round it, with a radius "
                     f"of some cells{self._advice(medium, width)}",
@@ -300,10 +306,10 @@ class _Scene:
         reached: Bool = np.isin(wanted, corners).any(axis=1) & apart
         return reached
 
-    def _close(self, a: int, b: int, direction: Float, width: float) -> bool:
+    def _close(self, a: int, b: int, direction: Float, width: float, part: float = NEAR) -> bool:
         """Whether the bodies at two sides come near each other."""
         first, second = self.body_s[[a]], self.body_s[[b]]
-        return bool(self.closing(first, second, direction[None])[0] >= NEAR * width)
+        return bool(self.closing(first, second, direction[None])[0] >= part * width)
 
     def _alpha(self, medium: str, width: float) -> float:
         """alpha_r / (mu t^2) of a medium, infinite if its energy has no such parameters."""
