@@ -237,11 +237,12 @@ class _Scene:
             medium, solid, other = self._names(sides.medium_s[a], sides.solid_s[a], sides.solid_s[b])
             direction = (ahead.point_nx[n] - x[corner[n]]) / width
             to_corner = np.hypot(*(x[ends] - ahead.point_nx[n]).T).min() <= AT_CORNER * width
+            close = self._close(a, b, direction, width, NEAR_CORNER)
             risky = not to_corner or self._alpha(medium, width) < ENOUGH_ALPHA * (1.0 - 1e-9)
             place = self._point(x[corner[n]])
             found.append(
                 Hint(
-                    CORNER, (place,), (medium, solid, other), width, risky and self._close(a, b, direction, width, NEAR_CORNER),
+                    CORNER, (place,), (medium, solid, other), width, risky and close,
                     f"the corner of region '{solid}' at {_said(place)} is sharp and meets region '{other}', "
                     f"{width:.3g} away: it may slip into it between points where J is checked; round it, with a radius "
                     f"of some cells{self._advice(medium, width)}",
