@@ -117,9 +117,10 @@ def interface(mesh: PolygonMesh, is_medium_c: Bool) -> Interface:
     """
     left, right = mesh.cells_of_edges
     kind = np.append(is_medium_c.astype(np.int64), -1)  # the last for where there is no cell
-    solid_left = np.flatnonzero((kind[left] == 0) & (kind[right] == 1))
-    solid_right = np.flatnonzero((kind[left] == 1) & (kind[right] == 0))
     ends = mesh.edges.vertices_ev
+    long = (mesh.points_vx[ends[:, 0]] != mesh.points_vx[ends[:, 1]]).any(axis=1)
+    solid_left = np.flatnonzero(long & (kind[left] == 0) & (kind[right] == 1))
+    solid_right = np.flatnonzero(long & (kind[left] == 1) & (kind[right] == 0))
     return Interface(
         mesh,
         np.concatenate([ends[solid_left], ends[solid_right][:, ::-1]]),

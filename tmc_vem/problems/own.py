@@ -273,10 +273,8 @@ def find_edges(mesh: PolygonMesh, name: str, table: EdgesTable) -> Int:
         InputError: there are none, or a region is unknown.
     """
     edges = mesh.edges
-    region_of_side = np.repeat(mesh.region_c, mesh.n_sides_c)
-    left, right = np.full((2, len(edges)), -1)
-    left[edges.cell_edges[edges.forward]] = region_of_side[edges.forward]
-    right[edges.cell_edges[~edges.forward]] = region_of_side[~edges.forward]
+    region_c = np.append(mesh.region_c, -1)  # the last for where there is no cell
+    left, right = (region_c[cells] for cells in mesh.cells_of_edges)
     chosen = left != right
     ends = mesh.points_vx[edges.vertices_ev]
     tolerance = ON * float(np.ptp(mesh.points_vx, axis=0).max())
