@@ -172,6 +172,15 @@ def test_a_gap_that_is_too_thin_for_the_cells(tmp_path):
         problem.make_mesh()
 
 
+@pytest.mark.parametrize(("uy", "said"), [("-1.9", False), ("-5", True)])
+def test_a_displacement_of_several_domains_is_doubtful(tmp_path, uy, said):
+    path = tmp_path / "blocks.toml"
+    path.write_text(BLOCKS.replace("-0.05", uy))
+    problem, _ = read_problem(path)
+    found = " ".join(examine(problem, problem.make_mesh()))
+    assert ("uy = -5 at 'top' is 5 times the size of the mesh (1)" in found) is said
+
+
 def test_a_wall_that_is_too_thin_for_the_cells():
     wall = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
     hole = [(0.02, 0.02), (0.98, 0.02), (0.98, 0.98), (0.02, 0.98)]
@@ -253,3 +262,16 @@ def test_a_region_of_python_says_what_holds_it():
     mesh = structured_quadrilaterals(x, x, [Rectangle("all", 0.0, 1.0, 0.0, 1.0)])
     with pytest.raises(InputError, match="region 'all' has no energy"):
         examine(Box(), mesh)
+
+
+def test_where_there_is_no_bar_a_step_that_takes_long_is_said(capsys, monkeypatch):
+    from tmc_vem.cli import progress
+
+    clock = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
+    monitor = progress.ConsoleMonitor()
+    monitor.iterated(1, 1.0)
+    assert capsys.readouterr().err == ""
+    for clock[0] in (21.0, 22.0, 30.0):
+        monitor.iterated(7, 1e-3)
+    assert capsys.readouterr().err == "after load 0: iteration 7, residual 1.0e-03\n"

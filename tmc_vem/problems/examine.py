@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from tmc_vem.constraints import COMPONENTS, Prescribed
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.probes import Gap, Place, Probe
@@ -15,6 +16,8 @@ from tmc_vem.problems.hints import hints, likely
 
 # Ratios K / mu above which elements lock a little, and which are hardly meant: Poisson's ratio is 0.4995 and 0.4999995.
 STIFF, ABSURD = 1e3, 1e6
+# Prescribed displacements that differ by more than this multiple of the mesh's extent are hardly meant.
+FAR = 2.0
 # Points are one if they are as close as this fraction of the mesh's extent.
 SAME = 1e-9
 
@@ -42,7 +45,11 @@ def examine(problem: Problem, mesh: PolygonMesh, loads: Sequence[float] = (1.0,)
     check_shared(mesh, prescribed, load)
     check_gaps(mesh, problem.probes())
     require_held(mesh, regions, prescribed)
-    return [*of_moduli(regions), *likely(hints(mesh, regions, prescribed, loads))]
+    return [
+        *of_moduli(regions),
+        *of_displacements(mesh, prescribed, loads),
+        *likely(hints(mesh, regions, prescribed, loads)),
+    ]
 
 
 def check_gaps(mesh: PolygonMesh, probes: Mapping[str, Probe]) -> None:
@@ -63,6 +70,24 @@ def check_gaps(mesh: PolygonMesh, probes: Mapping[str, Probe]) -> None:
                 f"probes: {name}: {probe} is 0 always, as both are at ({first[0]:.6g}, {first[1]:.6g}): name points on "
                 "the two surfaces that approach"
             )
+
+
+def of_displacements(mesh: PolygonMesh, prescribed: Sequence[Prescribed], loads: Sequence[float]) -> list[str]:
+    """A warning about displacements that take parts of the mesh farther apart than it is large."""
+    extent = float(np.ptp(mesh.points_vx, axis=0).max())
+    factor = max((abs(load) for load in loads), default=0.0)
+    for name, component in COMPONENTS.items():
+        of_axis = [condition for condition in prescribed if condition.component == component]
+        if not of_axis:
+            continue
+        far = max(of_axis, key=lambda condition: abs(condition.value))
+        apart = factor * max(abs(far.value - other.value) for other in of_axis)
+        if apart > FAR * extent:
+            return [
+                f"{name} = {factor * far.value:g} at '{far.where}' is {apart / extent:.3g} times the size of the mesh "
+                f"({extent:.4g}): bodies cannot pass through each other, so check its unit and the geometry"
+            ]
+    return []
 
 
 def of_moduli(regions: Mapping[str, RegionEnergy]) -> list[str]:
