@@ -94,7 +94,7 @@ def hints(
     scene = _Scene(mesh, regions, prescribed, tuple(loads), is_medium)
     if not len(scene.sides):
         return []
-    return [*scene.flush_ends(), *scene.sharp_corners(), *scene.gaps()]
+    return [*scene.flush_ends(), *scene.sharp_corners(), *scene.short_media(), *scene.thin_gaps()]
 
 
 def likely(found: Iterable[Hint]) -> list[str]:
@@ -121,6 +121,16 @@ def cause_at(found: Iterable[Hint], place: Point) -> Hint | None:
     near = [(min(math.dist(place, point) for point in hint.places) - hint.width, hint) for hint in found]
     away, hint = min(near, key=lambda pair: pair[0], default=(1.0, None))
     return hint if away <= 0.0 else None
+
+
+@dataclass(frozen=True)
+class _Gaps:
+    """Pairs of sides (n,) across a gap, its width (n,) and the middle (n, 2) between them."""
+
+    first_n: Int
+    second_n: Int
+    width_n: Float
+    middle_nx: Float
 
 
 @dataclass(frozen=True)
@@ -188,7 +198,7 @@ class _Scene:
 
     def _flush(self, chain: Int) -> list[Hint]:
         x = self.mesh.points_vx[chain]
-        points = np.concatenate([x[:-1] + t * (x[1:] - x[:-1]) for t in (0.25, 0.5, 0.75)] + [x[1:-1]])
+        points = 0.5 * (x[:-1] + x[1:])
         near = self.sides.seen(points)
         with np.errstate(invalid="ignore", divide="ignore"):
             away = (points - near.point_nx) / near.distance_n[:, None]
@@ -250,49 +260,60 @@ class _Scene:
             )  # fmt: skip
         return found
 
-    def gaps(self) -> list[Hint]:
-        """Gaps with a single cell across, and media with a regulariser whose length is small against their gap."""
+    @cached_property
+    def approaching(self) -> _Gaps:
+        """Sides that face a side of a body that comes near."""
         sides = self.sides
         middle = sides.start_sx + 0.5 * sides.arm_sx
         across = sides.nearest(middle, sides.normal_sx[:, None], 0.95, 0.95)
         a = np.flatnonzero(across.side_n >= 0)
-        b, width = across.side_n[a], across.distance_n[a]
-        direction = (across.point_nx[a] - middle[a]) / width[:, None]
-        close = self.closing(self.body_s[a], self.body_s[b], direction) >= NEAR * width
-        a, b, width, places = a[close], b[close], width[close], (0.5 * (across.point_nx + middle))[a[close]]
-        single = self._reached(a, b)
-        medium_n = self.mesh.region_c[sides.medium_s[a]]
-        found = []
-        for r in np.unique(medium_n).tolist():
-            mine = np.flatnonzero(medium_n == r)
-            narrow = mine[width[mine].argmin()]
-            names = self._names(sides.medium_s[a[narrow]], sides.solid_s[a[narrow]], sides.solid_s[b[narrow]])
-            t, place = float(width[narrow]), self._point(places[narrow])
-            alpha = self._alpha(names[0], t)
+        b, width, arm = across.side_n[a], across.distance_n[a], across.point_nx[a] - middle[a]
+        close = self.closing(self.body_s[a], self.body_s[b], arm / width[:, None]) >= NEAR * width
+        return _Gaps(a[close], b[close], width[close], (middle[a] + 0.5 * arm)[close])
+
+    def short_media(self) -> list[Hint]:
+        """Media with a regulariser whose length is small against their narrowest gap."""
+        gaps, found = self.approaching, []
+        for n in self._narrowest(np.ones(len(gaps.width_n), dtype=np.bool_)):
+            names, width, place = self._gap(n)
+            alpha = self._alpha(names[0], width)
             if alpha < SHORT_LENGTH**2:
                 value = self.regions[names[0]].values["alpha_r"]
-                found.append(
-                    Hint(
-                        SHORT, (place,), names, t, True,
-                        f"alpha_r = {value:g} of region '{names[0]}' has the length sqrt(alpha_r / mu) = "
-                        f"{np.sqrt(alpha) * t:.3g}, small against the gap of {t:.3g} at {_said(place)}, so the medium "
-                        f"may fold and let bodies pass: use about 2.5 mu gap^2 = {ENOUGH_ALPHA * value / alpha:.3g} "
-                        "(alpha = 2.5)",
-                    )
-                )  # fmt: skip
-            thin = mine[single[mine]]
-            if len(thin):
-                worst = thin[width[thin].argmin()]
-                names = self._names(sides.medium_s[a[worst]], sides.solid_s[a[worst]], sides.solid_s[b[worst]])
-                t, place = float(width[worst]), self._point(places[worst])
-                found.append(
-                    Hint(
-                        THIN, (place,), names, t, True,
-                        f"region '{names[0]}' has a single cell across the gap of {t:.3g} at {_said(place)}: use cells "
-                        f"of size {0.5 * t:.3g} or less there",
-                    )
-                )  # fmt: skip
+                sentence = (
+                    f"alpha_r = {value:g} of region '{names[0]}' has the length sqrt(alpha_r / mu) = "
+                    f"{np.sqrt(alpha) * width:.3g}, small against the gap of {width:.3g} at {_said(place)}, so the "
+                    f"medium may fold and let bodies pass: use about 2.5 mu gap^2 = {ENOUGH_ALPHA * value / alpha:.3g} "
+                    "(alpha = 2.5)"
+                )
+                found.append(Hint(SHORT, (place,), names, width, True, sentence))
         return found
+
+    def thin_gaps(self) -> list[Hint]:
+        """The narrowest gap of each medium that has a single cell across."""
+        gaps, found = self.approaching, []
+        for n in self._narrowest(self._reached(gaps.first_n, gaps.second_n)):
+            names, width, place = self._gap(n)
+            sentence = (
+                f"region '{names[0]}' has a single cell across the gap of {width:.3g} at {_said(place)}: use cells of "
+                f"size {0.5 * width:.3g} or less there"
+            )
+            found.append(Hint(THIN, (place,), names, width, True, sentence))
+        return found
+
+    def _narrowest(self, chosen_n: Bool) -> list[int]:
+        """For each medium the narrowest of some gaps, if it has any."""
+        gaps = self.approaching
+        order = np.flatnonzero(chosen_n)[np.argsort(gaps.width_n[chosen_n], kind="stable")]
+        _, first = np.unique(self.mesh.region_c[self.sides.medium_s[gaps.first_n[order]]], return_index=True)
+        narrowest: list[int] = order[first].tolist()
+        return narrowest
+
+    def _gap(self, n: int) -> tuple[tuple[str, ...], float, Point]:
+        """Regions, width and place of a gap."""
+        gaps, sides = self.approaching, self.sides
+        a, b = gaps.first_n[n], gaps.second_n[n]
+        names = self._names(sides.medium_s[a], sides.solid_s[a], sides.solid_s[b])
+        return names, float(gaps.width_n[n]), self._point(gaps.middle_nx[n])
 
     def _reached(self, a: Int, b: Int) -> Bool:
         """(n,) whether the medium's cell at sides ``a`` has a vertex of sides ``b``, which share none with ``a``."""
