@@ -55,7 +55,7 @@ def test_medium_that_ends_flush_is_found_with_its_ends_and_its_width():
     assert right.width == pytest.approx(0.2)
     assert right.likely
     assert set(right.regions) == {"medium", "low", "up"}
-    for words in ("'medium' ends flush at (1, 0.4)-(1, 0.6)", "one gap width (0.2) beyond"):
+    for words in ("medium ends flush at (1, 0.4)-(1, 0.6) between bodies that approach", "one gap width (0.2) beyond"):
         assert words in right.sentence
 
 

@@ -215,7 +215,7 @@ class _Scene:
         return [
             Hint(
                 FLUSH, places, (medium, *solids), width, self._close(a, b, (second - first) / width, width),
-                f"region '{medium}' ends flush at {_said(places[0])}-{_said(places[1])} between bodies that approach: "
+                f"{medium} ends flush at {_said(places[0])}-{_said(places[1])} between bodies that approach: "
                 f"let it reach at least one gap width ({width:.3g}) beyond, as its free side is drawn in there and "
                 "bodies pass through the notch",
             )
