@@ -86,7 +86,7 @@ def box_study(
         problem = Box(cells=cells, medium=medium, uy=uy, medium_refinement=refinement)
         levels.append(Level(f"{cells[0]} x {cells[1]}", 1.0 / n, dict.fromkeys(METHODS, problem)))
     paper = {}
-    cells_of_paper = table2().get((medium.alpha_r, medium.gamma))
+    cells_of_paper = table2().get((medium.alpha_r, medium.gamma)) if medium.alpha_r is not None else None
     if cells_of_paper and (uy, medium.beta, medium.regulariser) == (-1.0, 5.0, "huhu_lulu"):
         names = {"fem_fine": "FEM, fine mesh", "vem_mesh1": "VEM, mesh 1", "vem_mesh2": "VEM, mesh 2",
                  "vem_mesh3": "VEM, mesh 3"}  # fmt: skip
@@ -123,7 +123,8 @@ def voronoi_study(
 def _named(medium: Medium) -> str:
     values = medium.as_dict()
     own = "".join(f", {name} = {value:g}" for name, value in values.get("parameters", {}).items())
-    return f"gamma = {medium.gamma:g}, alpha_r = {medium.alpha_r:g}, regulariser {values['regulariser']}{own}"
+    weight = f"alpha_r = {medium.alpha_r:g}" if medium.alpha is None else f"alpha = {medium.alpha:g}"
+    return f"gamma = {medium.gamma:g}, {weight}, regulariser {values['regulariser']}{own}"
 
 
 def compare(

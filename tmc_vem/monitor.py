@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from tmc_vem.problems.base import Problem
 from tmc_vem.results import RunResult, StepRecord
 
@@ -18,6 +20,9 @@ class Monitor:
 
     def started(self, problem: Problem, n_cells: int, n_dofs: int) -> None:
         """The system is set up."""
+
+    def warned(self, sentences: Sequence[str]) -> None:
+        """What is said about the problem before it is solved; it stands among the warnings of the result, too."""
 
     def iterated(self, iteration: int, residual: float) -> None:
         """A Newton iteration is done, counted from the start of the run."""

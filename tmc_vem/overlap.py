@@ -26,6 +26,7 @@ from tmc_vem.solve.protocol import Evaluation
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+Place = tuple[float, float]
 
 # Smallest J of the medium below which solids may touch: from the first such state on every state is looked at.
 SQUEEZED = 0.1
@@ -82,7 +83,8 @@ class OverlapWatch:
         media: names of the regions that are third medium.
         order: polynomial degree along the sides.
         tolerated: accept states with any overlap, but know about it.
-        advice: what to do about a refusal, in a sentence; asked on all ranks together, once a run ends for it.
+        cause: a sentence about the cause that is known for bodies to overlap at a place of the reference configuration,
+            and what to do about it, or None; asked on all ranks together, once a run ends for it.
 
     Attributes:
         refused: the last state that was refused since :meth:`accepted`, or None.
@@ -91,10 +93,10 @@ class OverlapWatch:
 
     def __init__(
         self, system: Watched, media: Sequence[str], order: int, *, tolerated: bool = False,
-        advice: Callable[[Refusal], str] = lambda _: REMEDY,
+        cause: Callable[[Place | None], str | None] = lambda _: None,
     ) -> None:  # fmt: skip
         self._system, self._media, self._order, self._tolerated = system, tuple(media), order, tolerated
-        self._advice = advice
+        self._cause = cause
         self._outline: _Outline | None = None
         self.is_active = False
         self.refused: Refusal | None = None
@@ -129,7 +131,10 @@ class OverlapWatch:
 
     def complaint(self) -> tuple[str, str] | None:
         """The last refusal since a state was taken, and what to do about it; None if there was none."""
-        return (self.refused.sentence(), self._advice(self.refused)) if self.refused else None
+        if self.refused is None:
+            return None
+        cause = self._cause(self.refused.overlap.origin)
+        return self.refused.sentence(), f"Known cause: {cause}" if cause else REMEDY
 
     def behind(self, u: Any, origins: Sequence[Float], places: Sequence[Float]) -> bool:
         """Whether the second of two points is behind the surface of the first one, where surfaces cross in state ``u``.

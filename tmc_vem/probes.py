@@ -85,6 +85,9 @@ class Gap:
     of the first one, that is against the outward normal of the solid's deformed outline there, and did not in the
     reference state. At a corner the normal is the mean of those of both sides. If the first point is not on an outline,
     the second one's normal is taken; if neither is, there is no sign.
+
+    Raises:
+        InputError: it is that of a point and itself.
     """
 
     first: Place
@@ -95,6 +98,10 @@ class Gap:
         check_fields(self)
         _check_place(self.first)
         _check_place(self.second)
+        if self.first == self.second:
+            raise InputError(
+                f"the gap of {_said(self.first)} and itself is 0 always: name points on the two surfaces that approach"
+            )
 
     @property
     def places(self) -> tuple[Place, ...]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from tmc_vem.errors import InputError, TmcError
 from tmc_vem.fem.settings import FemSettings
+from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.monitor import Monitor
 from tmc_vem.parallel import on_every_rank, on_root
 from tmc_vem.problems.base import Problem, RegionEnergy
@@ -132,6 +133,7 @@ def run(
     from tmc_vem.interrupt import stop_requests
     from tmc_vem.lock import DirectoryLock
     from tmc_vem.overlap import OverlapWatch
+    from tmc_vem.problems.examine import examine, known_cause
     from tmc_vem.recorder import Recorder
     from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
     from tmc_vem.solve.budget import Budget
@@ -157,10 +159,16 @@ def run(
     with timer("set-up"):
         if out is not None:
             directory = comm.bcast(on_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume)))
-        system = discretise(problem, options, comm)
+        hints: list[str] = []
+        loads = (*options.path, *options.output_loads)
+        system = discretise(problem, options, comm, lambda mesh: hints.extend(examine(problem, mesh, loads)))
+        hints = comm.bcast(hints)
         require_finite_start(system)
         gauge = Gauge(problem, system)
-        watch = OverlapWatch(system, media_of(problem), order_of(options), tolerated=options.allow_overlap)
+        watch = OverlapWatch(
+            system, media_of(problem), order_of(options), tolerated=options.allow_overlap,
+            cause=lambda place: comm.bcast(on_root(comm, lambda: known_cause(problem, place, loads))),
+        )  # fmt: skip
         solver = NewtonSolver(system, timer=timer, solver=options.solver, admission=watch)
     if directory is not None:
         directory.path.mkdir(parents=True, exist_ok=True)
@@ -178,10 +186,12 @@ def run(
                 recorder.warnings.append(
                     f"the file system of {directory.path} has no locks: only one run may write there"
                 )
+            recorder.warnings += hints
             u = system.create_vector()
             states, position = recorder.restore(u) if resume else (None, None)
         monitor.end = path.end
         monitor.started(problem, system.n_cells_global, system.n_dofs)
+        monitor.warned(hints)
         budget = Budget(options.max_iterations, options.max_seconds, comm)
         with stop_requests(comm) as stop:
 
@@ -259,17 +269,32 @@ def _gamma(problem: Problem) -> dict[str, float]:
     return {"gamma": values.pop()} if len(values) == 1 else {}
 
 
-def discretise(problem: Problem, options: RunOptions, comm: Any) -> Any:
+def discretise(
+    problem: Problem, options: RunOptions, comm: Any, on_mesh: Callable[[PolygonMesh], object] | None = None
+) -> Any:
     """The discretised system of a problem; kernels or forms are compiled if they are not in the cache.
+
+    Args:
+        problem: what to discretise.
+        options: how.
+        comm: MPI communicator.
+        on_mesh: called on rank 0 with the whole mesh before it is distributed; what it raises is raised on all ranks.
 
     Raises:
         InputError: mesh and problem do not fit, or the method is 'fem' and dolfinx is missing.
         CodegenError: an energy's kernel cannot be made.
     """
+
+    def make_mesh() -> PolygonMesh:
+        mesh = problem.make_mesh()
+        if on_mesh is not None:
+            on_mesh(mesh)
+        return mesh
+
     if options.method == "fem":
         from tmc_vem.fem.system import FemSystem
 
-        return FemSystem(comm, problem.make_mesh, problem.regions(), problem.prescribed(), options.fem)
+        return FemSystem(comm, make_mesh, problem.regions(), problem.prescribed(), options.fem)
 
     from tmc_vem.mesh.distribute import distribute
     from tmc_vem.vem.blocks import RegionKernel
@@ -279,7 +304,7 @@ def discretise(problem: Problem, options: RunOptions, comm: Any) -> Any:
         comm, lambda: {name: RegionKernel(*compile_region(region)) for name, region in problem.regions().items()}
     )
     costs = {name: MEDIUM_COST for name, region in problem.regions().items() if region.is_medium}
-    mesh = distribute(comm, problem.make_mesh, costs)
+    mesh = distribute(comm, make_mesh, costs)
     return VemSystem(mesh, kernels, problem.prescribed(), options.element)
 
 

@@ -66,3 +66,17 @@ def test_a_point_outside_of_the_mesh_is_said_once_on_two_ranks(tmp_path: Path) -
     assert done.returncode == 2
     assert done.stderr.count("probes: bulge: point (3.3, 0.55) lies 2.3 outside of the mesh") == 1
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("method", ["vem", "fem"])
+def test_a_body_that_nothing_holds_is_said_once_on_two_ranks(method: str, tmp_path: Path) -> None:
+    if method == "fem":
+        pytest.importorskip("dolfinx")
+    text = (EXAMPLES / "seal.toml").read_text().replace('cells = "voronoi"', 'cells = "triangles"')
+    top = '[[support]]\nat = "top"\nux = 0\n'
+    assert top in text
+    (tmp_path / "seal.toml").write_text(text.replace(top, ""))
+    done = tmc("run", str(tmp_path / "seal.toml"), "--method", method, "--out", str(tmp_path / "out"), ranks=2)
+    assert done.returncode == 2
+    assert done.stderr.count("only the medium holds region seal, around (0, 0.675), against moving in x") == 1
+    assert not (tmp_path / "out").exists()

@@ -145,4 +145,8 @@ def test_any_table_is_accepted_rightly_or_refused_in_one_line(data: st.DataObjec
     else:
         for name, value in table.items():
             kept = getattr(made, name)
-            assert isinstance(value, dict) or kept == value or list(kept) == list(value), (name, value, kept)
+            assert value is None or isinstance(value, dict) or kept == value or list(kept) == list(value), (
+                name,
+                value,
+                kept,
+            )

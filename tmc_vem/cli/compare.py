@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from tmc_vem.cli.run import angle_medium_options, medium_options, parse_parameters
+from tmc_vem.cli.run import angle_medium_options, chosen_medium, medium_options
 from tmc_vem.errors import InputError, TmcError
 
 FACTORS, QUICK_FACTORS = (1, 2, 4), (1, 2, 3)
@@ -90,7 +90,7 @@ def box(uy: float, factors: tuple[int, ...], out: Path, jobs: int, quick: bool, 
     """
     from tmc_vem.compare import box_study
 
-    _compare(box_study(_medium(options), uy, _factors(factors, quick), _methods(options)), out, jobs)
+    _compare(box_study(chosen_medium(options), uy, _factors(factors, quick), _methods(options)), out, jobs)
 
 
 @compare_group.command("cbox")
@@ -107,7 +107,7 @@ def cbox(uy: float, factors: tuple[int, ...], out: Path, jobs: int, quick: bool,
     """
     from tmc_vem.compare import cbox_study
 
-    _compare(cbox_study(_medium(options), uy, _factors(factors, quick), _methods(options)), out, jobs)
+    _compare(cbox_study(chosen_medium(options), uy, _factors(factors, quick), _methods(options)), out, jobs)
 
 
 @compare_group.command("punch")
@@ -128,7 +128,7 @@ def punch(
     from tmc_vem.compare import voronoi_study
     from tmc_vem.problems import Punch
 
-    medium = _medium(options)
+    medium = chosen_medium(options)
     chosen = _three("--size", sizes) or ((0.25, 0.2, 0.15) if quick else (0.2, 0.14, 0.1))
     study = voronoi_study(
         lambda size: Punch(size=size, stiffness=stiffness, medium=medium, uy=uy), medium, chosen, _methods(options)
@@ -152,7 +152,7 @@ def bodies(uy: float, case: int, sizes: tuple[float, ...], out: Path, jobs: int,
     from tmc_vem.compare import voronoi_study
     from tmc_vem.problems import Bodies
 
-    medium = _medium(options)
+    medium = chosen_medium(options)
     chosen = _three("--size", sizes) or ((0.15, 0.125, 0.1) if quick else (0.12, 0.085, 0.06))
     study = voronoi_study(
         lambda size: Bodies(case=case, size=size, medium=medium, uy=uy), medium, chosen, _methods(options)
@@ -169,18 +169,6 @@ def _three(option: str, given: tuple[Any, ...]) -> tuple[Any, ...]:
     if 0 < len(chosen) < 3:
         raise InputError(f"{len(chosen)} meshes: convergence shows on three or more, so give {option} three times")
     return chosen
-
-
-def _medium(options: dict[str, Any]) -> Any:
-    from tmc_vem.problems import Medium
-
-    return Medium(
-        gamma=options["gamma"],
-        alpha_r=options["alpha_r"],
-        beta=options["beta"],
-        regulariser=options["regulariser"],
-        parameters=parse_parameters(options["parameters"]),
-    )
 
 
 def _methods(options: dict[str, Any]) -> dict[str, Any]:

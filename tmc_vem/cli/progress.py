@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from tmc_vem.monitor import Monitor
 from tmc_vem.probes import GAP
 from tmc_vem.problems.base import Problem
 from tmc_vem.results import RunResult, StepRecord
+
+SILENCE = 20.0  # seconds without a line
 
 
 class ConsoleMonitor(Monitor):
@@ -23,7 +28,8 @@ class ConsoleMonitor(Monitor):
         self._progress: Progress | None = None
         self._task: Any = None
         self._last = ""
-        self._shown = 0.0
+        self._shown = self._reached = 0.0
+        self._spoke = time.monotonic()
 
     def started(self, problem: Problem, n_cells: int, n_dofs: int) -> None:
         """Print what is solved and show the bar."""
@@ -36,19 +42,29 @@ class ConsoleMonitor(Monitor):
             self._task = self._progress.add_task("load", total=self.end, state="")
             self._progress.start()
 
+    def warned(self, sentences: Sequence[str]) -> None:
+        """Print what is said before solving."""
+        for sentence in sentences:
+            self.console.print(Text.assemble(("warning", "yellow"), f": {sentence}"), highlight=False)
+
     def iterated(self, iteration: int, residual: float) -> None:
-        """Update the bar's text."""
+        """Update the bar's text, or print a line where steps take long."""
         if self._progress:
             self._progress.update(self._task, state=f"{self._last}iteration {iteration}, residual {residual:.1e}")
+        elif time.monotonic() > self._spoke + SILENCE:
+            self._spoke = time.monotonic()
+            text = f"after load {self._reached:.4g}: {self._last}iteration {iteration}, residual {residual:.1e}"
+            self.console.print(text, highlight=False)
 
     def stepped(self, record: StepRecord) -> None:
         """Advance the bar, or print a line for every tenth of the load."""
         gap = "" if record.gap is None else f"gap {record.gap:.4g}, "
         self._last = f"step {record.step}, {gap}min J {min(record.min_j.values()):.2g}, "
+        self._reached = record.load
         if self._progress:
             self._progress.update(self._task, completed=record.coordinate, state=self._last)
         elif record.coordinate >= self._shown + 0.1 - 1e-9:
-            self._shown = record.coordinate
+            self._shown, self._spoke = record.coordinate, time.monotonic()
             self.console.print(f"load {record.load:.3f}, {self._last}{record.iterations} iterations", highlight=False)
 
     def aborted(self) -> None:
@@ -78,6 +94,7 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
     def with_unit(value: str, column: str) -> str:
         return f"{value} {result.unit(column)}".rstrip()
 
+    medium = result.inputs.get("medium", {})
     rows = [("load reached", "full load" if result.complete else f"{result.load:.4g} of the load")]
     last = result.last
     if last:
@@ -92,6 +109,9 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
         ]
         if last.negative_pivots:
             rows.append(("unstable", f"{last.negative_pivots} negative pivots"))
+    if "alpha" in medium:
+        made = f"alpha_r = {medium['alpha_r']:g} (alpha = {medium['alpha']:g}, h = {medium['h']:g})"
+        rows.append(("regulariser", made))
     if result.checks:
         column = next((column for column in result.units if column.startswith("energy_")), "")
         energy = with_unit(f"{result.checks['regulariser_energy']:.6e}", column)

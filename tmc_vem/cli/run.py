@@ -40,9 +40,23 @@ def medium_options(
     beta: float = 5.0,
 ) -> Callable[..., Any]:
     """Options of the third medium."""
+
+    def weight(context: click.Context, _: click.Parameter, given: float | None) -> float | None:
+        """The default of this command, unless alpha is given instead."""
+        return alpha_r if given is None and context.params.get("alpha") is None else given
+
     options = [
         click.option("--gamma", type=float, default=gamma, show_default=True, help="Stiffness relative to the solid."),
-        click.option("--alpha-r", type=float, default=alpha_r, show_default=True, help="Weight of the regulariser."),
+        click.option(
+            "--alpha", type=float, is_eager=True,
+            help="Weight of the regulariser without dimension, alpha_r = alpha mu h^2 with the initial width h of the "
+            "gap, instead of --alpha-r: 2.5 suits any geometry and units.",
+        ),
+        click.option(
+            "--alpha-r", type=float, callback=weight,
+            help="Weight of the regulariser, a modulus times a length squared: another number in other units.  "
+            f"[default: {alpha_r:g}]",
+        ),
         click.option(
             "--regulariser", default=regulariser, show_default=True, metavar="NAME",
             help="huhu (6), huhu_lulu (9), angle (15), tangent (16), or your own: FILE.py:FUNCTION.",
@@ -254,17 +268,9 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
         InputError, CodegenError: bad input.
         ConvergenceError: the full load was not reached; what converged is in the run directory.
     """
-    from tmc_vem.problems import Medium
     from tmc_vem.simulation import RunOptions
 
-    medium = Medium(
-        gamma=options["gamma"],
-        alpha_r=options["alpha_r"],
-        beta=options["beta"],
-        regulariser=options["regulariser"],
-        parameters=parse_parameters(options["parameters"]),
-    )
-    problem = make_problem(medium)
+    problem = make_problem(chosen_medium(options))
     settings = RunOptions(
         method=options["method"],
         **method_settings(options),
@@ -282,6 +288,24 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
         overwrite=options["overwrite"],
     )
     execute(problem, settings, options)
+
+
+def chosen_medium(options: dict[str, Any]) -> Any:
+    """The third medium of :func:`medium_options`.
+
+    Raises:
+        InputError: a value is out of range, or both alpha and alpha_r are given.
+    """
+    from tmc_vem.problems import Medium
+
+    return Medium(
+        gamma=options["gamma"],
+        alpha_r=options["alpha_r"],
+        alpha=options["alpha"],
+        beta=options["beta"],
+        regulariser=options["regulariser"],
+        parameters=parse_parameters(options["parameters"]),
+    )
 
 
 def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:

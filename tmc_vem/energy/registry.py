@@ -71,8 +71,9 @@ def energy_name(regulariser: Regulariser, damped: bool) -> str:
 def third_medium(regulariser: Regulariser, *, damped: bool) -> Energy:
     """Third medium (4), ``gamma (psi_m + alpha_r psi_r)``; damped: ``psi_r`` times ``exp(-beta J)`` as in (8).
 
-    The factor stands inside the energy, as in the paper's Appendix B, so the tangent is symmetric. ``alpha_r`` has
-    the unit of length squared for the regularisers (6) and (9). The kernel takes the values in the order mu, gamma,
+    The factor stands inside the energy, as in the paper's Appendix B, so the tangent is symmetric. ``alpha_r`` is
+    a modulus times a length squared, that is a force: psi_m is an energy per volume, and the psi_r of Table 1 have the
+    unit of one over length squared. The kernel takes the values in the order mu, gamma,
     alpha_r, beta (if damped), then the regulariser's own.
 
     Raises:

@@ -148,6 +148,16 @@ class PolygonMesh:
         vertices_ev = np.stack([keys // self.n_vertices, keys % self.n_vertices], axis=1)
         return Edges(vertices_ev, cell_edges, start == low, counts)
 
+    @cached_property
+    def cells_of_edges(self) -> tuple[Int, Int]:
+        """(n_edges,) cells on the left and on the right of each edge in its own direction, -1 where there is none."""
+        edges = self.edges
+        cell_of_side = np.repeat(np.arange(self.n_cells), self.n_sides_c)
+        left, right = np.full((2, len(edges)), -1)
+        left[edges.cell_edges[edges.forward]] = cell_of_side[edges.forward]
+        right[edges.cell_edges[~edges.forward]] = cell_of_side[~edges.forward]
+        return left, right
+
     def named_vertex(self, name: str) -> int:
         """Vertex with this name.
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.budget import POLYGONS, check_size
+from tmc_vem.mesh.narrow import narrow_place
 from tmc_vem.mesh.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton
 from tmc_vem.mesh.polygon import PolygonMesh
 
@@ -41,6 +42,10 @@ OUTSIDE = 1.05
 SPARSE = 0.95
 # Sites and vertices closer than this fraction of the shortest segment are one.
 COINCIDE = 1e-6
+
+
+class _UnresolvedError(InputError):
+    """The cells do not fit into a place: it is narrow, or their size changes quickly there."""
 
 
 def voronoi_mesh(
@@ -76,6 +81,15 @@ def voronoi_mesh(
     _check_overlap(regions)
     check_size(regions, size, POLYGONS)
     skeleton = make_skeleton(regions, size, points)
+    try:
+        return _meshed(regions, size, skeleton, relaxation, shortest, seed)
+    except _UnresolvedError as error:
+        raise InputError(narrow_place(regions, skeleton, size) or str(error)) from None
+
+
+def _meshed(
+    regions: Sequence[Region], size: Size, skeleton: Skeleton, relaxation: int, shortest: float, seed: int
+) -> PolygonMesh:
     fixed, radius_n = interface_sites(skeleton)
     inside = _interior_sites(regions, size, fixed, skeleton, radius_n, np.random.default_rng(seed))
     for _ in range(relaxation):
@@ -108,7 +122,9 @@ def interface_sites(skeleton: Skeleton) -> tuple[Float, Float]:
     bad = np.flatnonzero(squared <= (0.05 * length_s) ** 2)
     if len(bad):
         x, y = nodes[segments[bad[0]]].mean(axis=0)
-        raise InputError(f"the size of cells changes too quickly near ({x:.4g}, {y:.4g}): make it vary more slowly")
+        raise _UnresolvedError(
+            f"the size of cells changes too quickly near ({x:.4g}, {y:.4g}): make it vary more slowly"
+        )
     tangent = (nodes[b] - nodes[a]) / length_s[:, None]
     foot = nodes[a] + along[:, None] * tangent
     arm = np.sqrt(squared)[:, None] * np.column_stack([-tangent[:, 1], tangent[:, 0]])
@@ -341,7 +357,7 @@ def _cells(sites: Float, kept: NDArray[np.bool_]) -> tuple[Float, Int, Int]:
     cell, vertex = cell[use], vertex[use]
     if (vertex < 0).any():
         x, y = sites[cell[np.argmin(vertex)]]
-        raise InputError(f"the cell at ({x:.4g}, {y:.4g}) is not closed: use a smaller size of cells")
+        raise _UnresolvedError(f"the cell at ({x:.4g}, {y:.4g}) is not closed: use a smaller size of cells")
     key = np.unique(cell * np.int64(len(diagram.vertices)) + vertex)
     cell, vertex = key // len(diagram.vertices), key % len(diagram.vertices)
     arm = diagram.vertices[vertex] - sites[cell]
@@ -388,7 +404,9 @@ def _collapse(
     if len(first) != n_nodes:
         lost = np.setdiff1d(np.arange(n_nodes), first)[0]
         x, y = nodes[lost]
-        raise InputError(f"the interface near ({x:.4g}, {y:.4g}) is not resolved: use a smaller size of cells there")
+        raise _UnresolvedError(
+            f"the interface near ({x:.4g}, {y:.4g}) is not resolved: use a smaller size of cells there"
+        )
     final[component[:n_nodes]] = np.arange(n_nodes)
     rest = np.flatnonzero((final < 0) & (owner >= 0))
     final[rest] = n_nodes + np.arange(len(rest))
@@ -429,9 +447,9 @@ def _assemble(
     return mesh
 
 
-def _unresolved(skeleton: Skeleton, segments: Int) -> InputError:
+def _unresolved(skeleton: Skeleton, segments: Int) -> _UnresolvedError:
     x, y = skeleton.nodes_nx[skeleton.segments_sn[segments[0]]].mean(axis=0)
-    return InputError(
+    return _UnresolvedError(
         f"the interface near ({x:.4g}, {y:.4g}) is not resolved ({len(segments)} such places): two outlines are "
         "closer than the size of cells there, or it changes too quickly; use a smaller size"
     )

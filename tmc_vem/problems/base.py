@@ -14,7 +14,9 @@ from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.probes import Probe
 from tmc_vem.problems.regularisers import RegulariserLike, resolve_regulariser
 from tmc_vem.units import Units
-from tmc_vem.validation import check_fields, require_positive
+from tmc_vem.validation import check_fields, require_choice, require_positive
+
+HOLDS = ("medium",)
 
 
 @dataclass(frozen=True)
@@ -36,22 +38,27 @@ class Medium:
 
     Attributes:
         gamma: stiffness relative to the solid, far below 1.
-        alpha_r: weight of the regulariser (length squared for (6) and (9)).
+        alpha_r: weight of the regulariser in gamma (psi_m + alpha_r psi_r): a modulus times a length squared, that is a
+            force, for the regularisers of Table 1. It scales with the unit of moduli as well as with the geometry. 1 if
+            alpha is not given either.
         beta: exponent of the damping factor exp(-beta J); 0 leaves the factor out.
         regulariser: name of a regulariser of Table 1, ``FILE.py:FUNCTION``, or a function ``density(F, G, p, m)``.
         parameters: values of a regulariser's own parameters.
+        alpha: instead of alpha_r, the same without dimension: alpha_r = alpha mu h^2 with the shear modulus mu that
+            gamma multiplies and the initial width h of the gap. 2.5 suits any geometry and any units.
     """
 
     gamma: float = 1e-5
-    alpha_r: float = 1.0
+    alpha_r: float | None = None
     beta: float = 5.0
     regulariser: RegulariserLike = "huhu_lulu"
     parameters: Mapping[str, float] = field(default_factory=dict)
+    alpha: float | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)
         require_positive("gamma", self.gamma, "the medium's stiffness relative to the solid, try 1e-5")
-        require_positive("alpha_r", self.alpha_r, "the weight of the regulariser, try 1")
+        object.__setattr__(self, "alpha_r", chosen_weight(self.alpha_r, self.alpha))
         if not (math.isfinite(self.beta) and self.beta >= 0.0):
             raise InputError(
                 f"beta = {self.beta:g} must not be negative: 5 damps as in the paper, 0 switches damping off"
@@ -62,37 +69,105 @@ class Medium:
         """The regulariser itself and the values of its own parameters."""
         return resolve_regulariser(self.regulariser, self.parameters)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Inputs as plain values for result files."""
+    def weight(self, mu: float, h: float | None) -> float:
+        """alpha_r, given or from alpha.
+
+        Args:
+            mu: shear modulus that gamma multiplies.
+            h: initial width of the gap, if it is known.
+
+        Raises:
+            InputError: alpha is given, and the width is not known.
+        """
+        if self.alpha is None:
+            assert self.alpha_r is not None
+            return self.alpha_r
+        if h is None:
+            raise InputError(f"alpha = {self.alpha:g} needs the width h of the gap: give it, or alpha_r instead")
+        require_positive("h", h, "the initial width of the gap, a length")
+        return self.alpha * mu * h**2
+
+    def as_dict(self, mu: float | None = None, h: float | None = None) -> dict[str, Any]:
+        """Inputs as plain values for result files; with ``mu`` and ``h`` also the alpha_r that alpha makes."""
         regulariser, parameters = self.resolve()
+        made = self.alpha_r if mu is None else self.weight(mu, h)
         return {
             "gamma": self.gamma,
-            "alpha_r": self.alpha_r,
+            **({} if made is None else {"alpha_r": made}),
+            **({} if self.alpha is None else {"alpha": self.alpha}),
+            **({} if self.alpha is None or h is None else {"h": h}),
             "beta": self.beta,
             "regulariser": self.regulariser if isinstance(self.regulariser, str) else regulariser.name,
             **({"parameters": parameters} if parameters else {}),
         }
 
 
+def chosen_weight(alpha_r: float | None, alpha: float | None) -> float | None:
+    """alpha_r, 1 if neither it nor alpha is given; None if alpha is.
+
+    Raises:
+        InputError: both are given, or one is not positive.
+    """
+    if alpha_r is not None and alpha is not None:
+        raise InputError(
+            f"alpha = {alpha:g} and alpha_r = {alpha_r:g} say one thing in two ways, alpha_r = alpha mu h^2: give one"
+        )
+    if alpha is not None:
+        require_positive("alpha", alpha, "alpha_r / (mu h^2) with the gap's width h, try 2.5")
+        return None
+    chosen = 1.0 if alpha_r is None else alpha_r
+    require_positive("alpha_r", chosen, "the weight of the regulariser, try 1")
+    return chosen
+
+
 @dataclass(frozen=True)
 class RegionEnergy:
-    """Energy of a region, the values of its parameters, and whether it is the third medium."""
+    """What a region is made of.
+
+    Attributes:
+        energy: its density.
+        values: of the density's parameters.
+        is_medium: whether it is the third medium.
+        hold: ``"medium"`` for a solid that may have no supports of its own, as the medium is meant to hold it.
+    """
 
     energy: Energy
     values: Mapping[str, float]
     is_medium: bool = False
+    hold: str | None = None
+
+    def __post_init__(self) -> None:
+        check_hold(self.hold, self.is_medium)
 
 
-def solid_region(material: Material) -> RegionEnergy:
+def check_hold(hold: str | None, is_medium: bool) -> None:
+    """Check what is said to hold a region.
+
+    Raises:
+        InputError: it is not the medium, or the region is medium itself.
+    """
+    if hold is None:
+        return
+    require_choice("hold", hold, HOLDS, "leave it out for a body that supports hold")
+    if is_medium:
+        raise InputError("hold is for solids: a medium hangs on what is around it")
+
+
+def solid_region(material: Material, hold: str | None = None) -> RegionEnergy:
     """Region of a hyperelastic solid."""
-    return RegionEnergy(hyperelastic_solid(), {"K": material.K, "mu": material.mu})
+    return RegionEnergy(hyperelastic_solid(), {"K": material.K, "mu": material.mu}, hold=hold)
 
 
-def medium_region(medium: Medium, mu: float) -> RegionEnergy:
-    """Region of third medium, with the shear modulus of the solid around it."""
+def medium_region(medium: Medium, mu: float, h: float | None = None) -> RegionEnergy:
+    """Region of third medium, with the shear modulus of the solid around it and the initial width of the gap.
+
+    Raises:
+        InputError: the medium has alpha, and the width is not known.
+    """
     regulariser, parameters = medium.resolve()
     energy = third_medium(regulariser, damped=medium.beta > 0.0)
-    values = {"mu": mu, "gamma": medium.gamma, "alpha_r": medium.alpha_r, "beta": medium.beta, **parameters}
+    weight = medium.weight(mu, h)
+    values = {"mu": mu, "gamma": medium.gamma, "alpha_r": weight, "beta": medium.beta, **parameters}
     return RegionEnergy(energy, values, is_medium=True)
 
 

@@ -140,8 +140,8 @@ class Bodies:
         """Beam, half discs and the medium between them, with the beam's shear modulus."""
         return {
             "beam": solid_region(self.beam),
-            "discs": solid_region(self.disc),
-            "medium": medium_region(self.medium, self.beam.mu),
+            "discs": solid_region(self.disc, hold="medium" if self.case == 2 else None),
+            "medium": medium_region(self.medium, self.beam.mu, self.gap0),
         }
 
     def prescribed(self) -> Sequence[Prescribed]:
@@ -176,7 +176,7 @@ class Bodies:
             **{name: getattr(self, name) for name in numbers},
             "beam": {"K": self.beam.K, "mu": self.beam.mu},
             "disc": {"K": self.disc.K, "mu": self.disc.mu},
-            "medium": self.medium.as_dict(),
+            "medium": self.medium.as_dict(self.beam.mu, self.gap0),
         }
 
     def _size(self, points: Float) -> Float:

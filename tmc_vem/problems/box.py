@@ -129,7 +129,10 @@ class Box:
 
     def regions(self) -> Mapping[str, RegionEnergy]:
         """Solid wall and medium in the cavity."""
-        return {"solid": solid_region(self.material), "medium": medium_region(self.medium, self.material.mu)}
+        return {
+            "solid": solid_region(self.material),
+            "medium": medium_region(self.medium, self.material.mu, self.height - 2.0 * self.wall),
+        }
 
     def prescribed(self) -> Sequence[Prescribed]:
         """Single-node supports and the load."""
@@ -164,7 +167,7 @@ class Box:
             "medium_refinement": self.medium_refinement,
             "cell_kind": self.cell_kind,
             "material": {"K": self.material.K, "mu": self.material.mu},
-            "medium": self.medium.as_dict(),
+            "medium": self.medium.as_dict(self.material.mu, self.height - 2.0 * self.wall),
         }
 
 

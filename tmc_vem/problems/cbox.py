@@ -107,7 +107,10 @@ class CBox:
 
     def regions(self) -> Mapping[str, RegionEnergy]:
         """Solid C and medium in the cavity and to its right."""
-        return {"solid": solid_region(self.material), "medium": medium_region(self.medium, self.material.mu)}
+        return {
+            "solid": solid_region(self.material),
+            "medium": medium_region(self.medium, self.material.mu, self.height - 2.0 * self.wall),
+        }
 
     def prescribed(self) -> Sequence[Prescribed]:
         """The left side is fixed, one node is loaded."""
@@ -139,7 +142,7 @@ class CBox:
             "wall": self.wall,
             "column_cells": self.column_cells,
             "material": {"K": self.material.K, "mu": self.material.mu},
-            "medium": self.medium.as_dict(),
+            "medium": self.medium.as_dict(self.material.mu, self.height - 2.0 * self.wall),
         }
 
     def _lines(self, parts: int = 1) -> tuple[Any, Any]:

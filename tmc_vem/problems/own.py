@@ -18,8 +18,9 @@ from tmc_vem.errors import InputError
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.shapes import combine
-from tmc_vem.probes import GAP, Gap, Probe, check_probes
+from tmc_vem.probes import GAP, Gap, Place, Probe, check_probes
 from tmc_vem.problems.base import Medium, RegionEnergy, medium_region, solid_region
+from tmc_vem.problems.conditions import check_conditions
 from tmc_vem.problems.regularisers import require_traceable
 from tmc_vem.problems.tables import ConditionTable, EdgesTable, MediumTable, ProblemTable
 from tmc_vem.units import Units
@@ -50,6 +51,7 @@ class OwnProblem:
     def __post_init__(self) -> None:
         _ = self._regions
         check_probes(self.probes(), self.prescribed(), tuple(self.table.regions))
+        check_conditions(self.prescribed(), self.load())
         if self.table.shapes:
             _ = self._outlines
 
@@ -120,6 +122,10 @@ class OwnProblem:
         plain = _plain({**asdict(self.table), "name": None, "units": None, "solve": None})
         if self.table.mesh.file is not None:
             plain["mesh"]["content"] = hashlib.sha256(self._mesh_file.read_bytes()).hexdigest()[:16]
+        for name, region in plain["regions"].items():
+            table = self.table.regions[name].medium
+            if table is not None and table.alpha is not None:
+                region["medium"] |= {"alpha_r": self._regions[name].values["alpha_r"], "h": self._width(table)}
         media = [region["medium"] for region in plain["regions"].values() if "medium" in region]
         return {"problem": self.name, **plain, **({"medium": media[0]} if media else {})}
 
@@ -132,26 +138,58 @@ class OwnProblem:
         for name, region in self.table.regions.items():
             try:
                 if region.solid is not None:
-                    found[name] = solid_region(region.solid)
+                    found[name] = solid_region(region.solid, region.hold)
                 elif region.medium is not None:
                     found[name] = self._medium(region.medium, moduli)
                 else:
                     assert region.density is not None
-                    found[name] = self._own_energy(region.density, region.parameters, name.startswith("medium"))
+                    found[name] = self._own_energy(
+                        region.density, region.parameters, name.startswith("medium"), region.hold
+                    )
             except InputError as error:
                 raise InputError(f"regions: {name}: {error}") from None
         return found
 
     def _medium(self, table: MediumTable, moduli: set[float]) -> RegionEnergy:
-        values = {key: getattr(table, key) for key in ("gamma", "alpha_r", "beta", "parameters")}
+        values = {key: getattr(table, key) for key in ("gamma", "alpha_r", "alpha", "beta", "parameters")}
         mu = table.mu
         if mu is None:
             if len(moduli) != 1:
                 raise InputError("medium lacks 'mu': the solids have several shear moduli or none, so say which")
             (mu,) = moduli
-        return medium_region(Medium(**values, regulariser=self._found(table.regulariser)), mu)
+        medium = Medium(**values, regulariser=self._found(table.regulariser))
+        return medium_region(medium, mu, self._width(table))
 
-    def _own_energy(self, wanted: str, values: Mapping[str, float], is_medium: bool) -> RegionEnergy:
+    def _width(self, table: MediumTable) -> float | None:
+        """Initial width of the gap, which alpha needs.
+
+        Raises:
+            InputError: it cannot be known.
+        """
+        if table.alpha is None or table.h is not None:
+            return table.h
+        gap = self.probes().get(GAP)
+        if not isinstance(gap, Gap):
+            raise InputError(
+                f'alpha = {table.alpha:g} needs the width of the gap: name two points, gap = ["...", "..."], or give '
+                "the width itself, h = ..."
+            )
+        first, second = (self._place(place) for place in gap.places)
+        return float(np.hypot(*(first - second)))
+
+    def _place(self, place: Place) -> Float:
+        """Coordinates of a place in the reference configuration; a mesh file is read if it alone knows the name."""
+        if not isinstance(place, str):
+            return np.asarray(place, dtype=float)
+        if place in self.table.points:
+            return np.asarray(self.table.points[place], dtype=float)
+        if self.table.shapes:
+            raise InputError(f"gap: there is no named point '{place}' (there are: {', '.join(self.table.points)})")
+        mesh = self._from_file()
+        found: Float = mesh.points_vx[mesh.named_vertex(place)]
+        return found
+
+    def _own_energy(self, wanted: str, values: Mapping[str, float], is_medium: bool, hold: str | None) -> RegionEnergy:
         from codegen.errors import CodegenError
         from codegen.userfile import load_density
 
@@ -166,7 +204,8 @@ class OwnProblem:
             )
         require_traceable(loaded.function, loaded.name, tuple(loaded.parameters))
         known = {name: float(value) for name, value in loaded.parameters.items() if value is not None}
-        return RegionEnergy(Energy(loaded.name, loaded.function, tuple(known), loaded.description), known, is_medium)
+        energy = Energy(loaded.name, loaded.function, tuple(known), loaded.description)
+        return RegionEnergy(energy, known, is_medium, hold)
 
     def _found(self, wanted: str) -> str:
         """``FILE.py:FUNCTION`` relative to the description's directory."""
@@ -234,10 +273,8 @@ def find_edges(mesh: PolygonMesh, name: str, table: EdgesTable) -> Int:
         InputError: there are none, or a region is unknown.
     """
     edges = mesh.edges
-    region_of_side = np.repeat(mesh.region_c, mesh.n_sides_c)
-    left, right = np.full((2, len(edges)), -1)
-    left[edges.cell_edges[edges.forward]] = region_of_side[edges.forward]
-    right[edges.cell_edges[~edges.forward]] = region_of_side[~edges.forward]
+    region_c = np.append(mesh.region_c, -1)  # the last for where there is no cell
+    left, right = (region_c[cells] for cells in mesh.cells_of_edges)
     chosen = left != right
     ends = mesh.points_vx[edges.vertices_ev]
     tolerance = ON * float(np.ptp(mesh.points_vx, axis=0).max())

@@ -114,7 +114,7 @@ class Punch:
         return {
             "block": solid_region(self.material),
             "punch": solid_region(punch),
-            "medium": medium_region(self.medium, self.material.mu),
+            "medium": medium_region(self.medium, self.material.mu, self.gap0),
         }
 
     def prescribed(self) -> Sequence[Prescribed]:
@@ -140,7 +140,7 @@ class Punch:
             "problem": self.name,
             **{name: getattr(self, name) for name in numbers},
             "material": {"K": self.material.K, "mu": self.material.mu},
-            "medium": self.medium.as_dict(),
+            "medium": self.medium.as_dict(self.material.mu, self.gap0),
         }
 
     def _size(self, points: Float) -> Float:

@@ -13,9 +13,9 @@ from tmc_vem.errors import InputError
 from tmc_vem.mesh.budget import STEEPEST
 from tmc_vem.mesh.shapes import HUGE, Shape, disc, polygon, rectangle
 from tmc_vem.probes import GAP, Displacement, Gap, MeanJ, Place, Position, Probe, Reaction, check_name
-from tmc_vem.problems.base import Material
+from tmc_vem.problems.base import Material, check_hold, chosen_weight
 from tmc_vem.units import Units
-from tmc_vem.validation import require_choice, require_finite, require_positive, require_within
+from tmc_vem.validation import require_choice, require_finite, require_positive, require_within, shown
 
 XY = tuple[float, float]
 CELLS = ("voronoi", "triangles", "quadrilaterals")
@@ -95,6 +95,21 @@ class MeshTable:
     refine: tuple[RefineTable, ...] = ()
     growth: float = 0.3
 
+    def check_file(self) -> None:
+        """Check that nothing is asked for beside a file that only cells made from shapes have.
+
+        Raises:
+            InputError: something is; the message names both.
+        """
+        for name in ("size", "refine", "cells", "growth"):
+            value = getattr(self, name)
+            if self.file is not None and value != getattr(MeshTable, name, ()):
+                said = f"{name} = {shown(value)}" if name in ("size", "cells", "growth") else name
+                raise InputError(
+                    f"mesh: file = {shown(self.file)} and {said} do not go together: the file has its cells already, "
+                    f"so leave out {name}"
+                )
+
     def __post_init__(self) -> None:
         require_choice("cells", self.cells, CELLS)
         require_positive("growth", self.growth, "try 0.3")
@@ -109,7 +124,9 @@ class MediumTable:
 
     Attributes:
         gamma: stiffness relative to the solid.
-        alpha_r: weight of the regulariser.
+        alpha_r: weight of the regulariser, a modulus times a length squared; 1 if alpha is not given either.
+        alpha: the same without dimension, alpha_r = alpha mu h^2; instead of alpha_r.
+        h: width of the gap in that; by default the initial distance of the two points of the problem's ``gap``.
         beta: exponent of the damping factor exp(-beta J); 0 leaves it out.
         regulariser: a name of Table 1 or ``FILE.py:FUNCTION``, the file relative to the problem file.
         parameters: of a regulariser of your own.
@@ -117,11 +134,20 @@ class MediumTable:
     """
 
     gamma: float = 1e-5
-    alpha_r: float = 1.0
+    alpha_r: float | None = None
     beta: float = 0.0
     regulariser: str = "angle"
     parameters: Mapping[str, float] = field(default_factory=dict)
     mu: float | None = None
+    alpha: float | None = None
+    h: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "alpha_r", chosen_weight(self.alpha_r, self.alpha))
+        if self.h is not None:
+            require_positive("h", self.h, "the initial width of the gap, a length")
+            if self.alpha is None:
+                raise InputError(f"h = {self.h:g} belongs to alpha, alpha_r = alpha mu h^2: give alpha, or leave h out")
 
 
 @dataclass(frozen=True)
@@ -134,6 +160,7 @@ class RegionTable:
         medium: third medium.
         density: energy of your own, ``FILE.py:FUNCTION``, the file relative to the problem file.
         parameters: of that energy.
+        hold: ``"medium"`` for a solid without supports of its own that the medium is meant to hold.
     """
 
     shape: str | None = None
@@ -141,8 +168,10 @@ class RegionTable:
     medium: MediumTable | None = None
     density: str | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
+    hold: str | None = None
 
     def __post_init__(self) -> None:
+        check_hold(self.hold, self.medium is not None)
         given = [name for name in ("solid", "medium", "density") if getattr(self, name) is not None]
         if len(given) != 1:
             raise InputError(f"give one of solid, medium and density, not {' and '.join(given) or 'none'}")
@@ -286,10 +315,14 @@ class ProblemTable:
             raise InputError(f"probes: {GAP}: there is a gap at the top of the file already; leave out one of them")
         for name in self.probes:
             check_name(name)
+        twice = [name for name in self.points if name in self.edges]
+        if twice:
+            raise InputError(f"points: '{twice[0]}' is the name of edges too: give one of them another name")
         if not self.regions:
             raise InputError("regions: there is none")
         if (self.mesh.file is None) == (not self.shapes):
             raise InputError("mesh: give either a file, or shapes to make it from")
+        self.mesh.check_file()
         if self.shapes and self.mesh.size is None:
             raise InputError("mesh: give the size of the cells, a length")
         for name, region in self.regions.items():

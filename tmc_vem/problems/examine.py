@@ -1,0 +1,135 @@
+"""What is checked about a problem on its mesh before anything is solved, and what is said about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from tmc_vem.constraints import COMPONENTS, Prescribed
+from tmc_vem.errors import InputError
+from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.probes import Gap, Place, Probe
+from tmc_vem.problems.base import Problem, RegionEnergy
+from tmc_vem.problems.conditions import check_conditions, check_shared, require_cells, require_held
+from tmc_vem.problems.hints import cause_at, hints, likely
+
+# Ratios K / mu above which elements lock a little, and which are hardly meant: Poisson's ratio is 0.4995 and 0.4999995.
+STIFF, ABSURD = 1e3, 1e6
+# Prescribed displacements that differ by more than this multiple of the mesh's extent are hardly meant.
+FAR = 2.0
+# Points are one if they are as close as this fraction of the mesh's extent.
+SAME = 1e-9
+
+
+def examine(problem: Problem, mesh: PolygonMesh, loads: Sequence[float] = (1.0,)) -> list[str]:
+    """Check that conditions, probes and regions fit the mesh and leave nothing arbitrary.
+
+    Args:
+        problem: the problem.
+        mesh: its whole mesh.
+        loads: load factors that are gone to.
+
+    Returns:
+        Warnings: known causes of trouble that the geometry and the moduli show.
+
+    Raises:
+        InputError: something can move freely, has two values at once, or is not there.
+    """
+    regions, prescribed, load = problem.regions(), problem.prescribed(), problem.load()
+    missing = [name for name in mesh.region_names if name not in regions]
+    if missing:
+        raise InputError(f"region '{missing[0]}' has no energy (given: {', '.join(regions)})")
+    require_cells(mesh)
+    check_conditions(prescribed, load)
+    check_shared(mesh, prescribed, load)
+    check_gaps(mesh, problem.probes())
+    require_held(mesh, regions, prescribed)
+    return [
+        *of_moduli(regions),
+        *of_displacements(mesh, prescribed, loads),
+        *likely(hints(mesh, regions, prescribed, loads)),
+    ]
+
+
+def known_cause(problem: Problem, place: tuple[float, float] | None, loads: Sequence[float] = (1.0,)) -> str | None:
+    """The sentence about the cause that is known for bodies to overlap at a place of the mesh, or None.
+
+    Args:
+        problem: the problem.
+        place: coordinates in the reference configuration; None if it is not known.
+        loads: load factors that are gone to.
+    """
+    cause = (
+        cause_at(hints(problem.make_mesh(), problem.regions(), problem.prescribed(), loads), place) if place else None
+    )
+    return cause.sentence if cause else None
+
+
+def check_gaps(mesh: PolygonMesh, probes: Mapping[str, Probe]) -> None:
+    """Check that the two points of a gap are at two places.
+
+    Raises:
+        InputError: they are not.
+    """
+    for name, probe in probes.items():
+        if not isinstance(probe, Gap):
+            continue
+        places = [_coordinates(mesh, place) for place in probe.places]
+        first, second = places
+        if first is None or second is None:
+            continue  # said where probes are located
+        if np.hypot(*(first - second)) <= SAME * np.ptp(mesh.points_vx, axis=0).max():
+            raise InputError(
+                f"probes: {name}: {probe} is 0 always, as both are at ({first[0]:.6g}, {first[1]:.6g}): name points on "
+                "the two surfaces that approach"
+            )
+
+
+def of_displacements(mesh: PolygonMesh, prescribed: Sequence[Prescribed], loads: Sequence[float]) -> list[str]:
+    """A warning about displacements that take parts of the mesh farther apart than it is large."""
+    extent = float(np.ptp(mesh.points_vx, axis=0).max())
+    factor = max((abs(load) for load in loads), default=0.0)
+    for name, component in COMPONENTS.items():
+        of_axis = [condition for condition in prescribed if condition.component == component]
+        if not of_axis:
+            continue
+        far = max(of_axis, key=lambda condition: abs(condition.value))
+        apart = factor * max(abs(far.value - other.value) for other in of_axis)
+        if apart > FAR * extent:
+            return [
+                f"{name} = {factor * far.value:g} at '{far.where}' is {apart / extent:.3g} times the size of the mesh "
+                f"({extent:.4g}): bodies cannot pass through each other, so check its unit and the geometry"
+            ]
+    return []
+
+
+def of_moduli(regions: Mapping[str, RegionEnergy]) -> list[str]:
+    """Warnings about moduli of solids."""
+    found = []
+    for name, region in regions.items():
+        K, mu = region.values.get("K"), region.values.get("mu")
+        if region.is_medium or K is None or mu is None or region.energy.name != "solid":
+            continue
+        ratio = K / mu
+        said = f"region '{name}' has K / mu = {K:g} / {mu:g} = {ratio:.3g}"
+        if ratio > ABSURD:
+            found.append(
+                f"{said}, above {ABSURD:g}: nothing is that incompressible, so check the units of K and mu; elements "
+                "lock, and load steps fail. Rubber has about 1e3 to 1e4"
+            )
+        elif ratio >= STIFF:
+            found.append(
+                f"{said}, nearly incompressible ({STIFF:g} or more): displacements may lock; compare with smaller "
+                "cells or order 3"
+            )
+        elif ratio < 1.0 / ABSURD:
+            found.append(f"{said}, below {1.0 / ABSURD:g}: check the units of K and mu")
+    return found
+
+
+def _coordinates(mesh: PolygonMesh, place: Place) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None:
+    if not isinstance(place, str):
+        return np.asarray(place, dtype=float)
+    vertex = mesh.named_points.get(place)
+    return None if vertex is None else mesh.points_vx[vertex]
