@@ -21,7 +21,7 @@ from tmc_vem.gauge import Gauge
 from tmc_vem.monitor import Monitor
 from tmc_vem.output import SnapshotWriter, gather_fields
 from tmc_vem.parallel import on_every_rank, on_root
-from tmc_vem.plausibility import warnings_of
+from tmc_vem.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of
 from tmc_vem.problems.base import Problem
 from tmc_vem.provenance import versions
 from tmc_vem.report.contact import check_contact
@@ -56,7 +56,7 @@ class Recorder:
         self.gauge, self.monitor, self.timer = gauge, monitor, timer
         self.history: list[StepRecord] = []
         self._plain_history: list[dict[str, Any]] = []
-        self.warnings: list[str] = []
+        self.findings: list[Finding] = []  # about the run as such: its files, for example
         self._order = int(inputs["order"])
         self._every = checkpoint_every if directory is not None else 0
         self._on_root = system.comm.rank == 0
@@ -174,6 +174,8 @@ class Recorder:
             found = versions(self.system.comm.size)
         history = self.history
         media = [name for name, region in self.problem.regions().items() if region.is_medium]
+        evidence = Evidence(self.inputs, history, checks, media, self.system.size)
+        findings = by_weight([*findings_of(evidence), *self.findings])
         result = RunResult(
             inputs=self.inputs,
             versions=found,
@@ -187,7 +189,8 @@ class Recorder:
             projection_degrees={str(degree): count for degree, count in self.system.projection_degrees().items()},
             checks=checks,
             parallel=balance(self.system.comm, self.system.work()) | dict(linear),
-            warnings=self.warnings + warnings_of(self.inputs, history, checks, media, self.system.size),
+            errors=[finding.text for finding in findings if finding.severity == ERROR],
+            warnings=[finding.text for finding in findings if finding.severity == WARNING],
             seconds=self.timer.report(),
             history=history,
             directory=None if self.directory is None else self.directory.path,
@@ -205,7 +208,8 @@ class Recorder:
         try:
             draw_deformed(fields, path, title=self._title())
         except OSError as error:
-            self.warnings.append(f"{path.name} could not be written: {error.strerror or error}")
+            text = f"{path.name} could not be written: {error.strerror or error}"
+            self.findings.append(Finding(WARNING, text))
 
     def _imbalance(self, residual: Any) -> float:
         """Resultant of all reactions, relative to the largest of them: 0 in equilibrium."""

@@ -143,7 +143,8 @@ class RunResult:
         checks: interpenetration, gap along contact, imbalance of the reactions and the regulariser's part of the
             medium's energy at the last converged step, see :class:`tmc_vem.report.contact.ContactReport`.
         units: of the columns of the history that have one; in terms of length and force if the problem declares none.
-        warnings: what is doubtful about the result, in sentences; see :mod:`tmc_vem.plausibility`.
+        errors, warnings: what is wrong or doubtful about the result, in sentences, the weightiest first; see
+            :mod:`tmc_vem.plausibility`. Run directories from before they were told apart have warnings only.
         parallel: ranks, linear solver, imbalance and peak memory, see :func:`tmc_vem.balance.balance`.
         seconds: wall time by phase.
         history: the load steps.
@@ -165,6 +166,7 @@ class RunResult:
     directory: Path | None = None
     checks: Mapping[str, Any] = field(default_factory=dict)
     parallel: Mapping[str, Any] = field(default_factory=dict)
+    errors: Sequence[str] = ()
     warnings: Sequence[str] = ()
     units: Mapping[str, str] = field(default_factory=dict)
 
@@ -245,6 +247,7 @@ class RunResult:
             "projection_degrees": dict(self.projection_degrees),
             "checks": dict(self.checks),
             "parallel": dict(self.parallel),
+            "errors": list(self.errors),
             "warnings": list(self.warnings),
             "seconds": dict(self.seconds),
             "inputs": dict(self.inputs),
@@ -272,7 +275,7 @@ class RunResult:
             history = [StepRecord.from_row(row) for row in rows]
             names = ("inputs", "versions", "complete", "reason", "load", "n_cells", "n_dofs", "newton_iterations",
                      "cut_backs", "projection_degrees", "seconds")  # fmt: skip
-            optional = ("checks", "parallel", "warnings", "units")  # not in the first runs
+            optional = ("checks", "parallel", "errors", "warnings", "units")  # not in the first runs
             later = {name: data[name] for name in optional if name in data}
             return RunResult(**{name: data[name] for name in names}, history=history, directory=path, **later)
         except OSError as error:

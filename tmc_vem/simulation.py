@@ -129,6 +129,7 @@ def run(
     from tmc_vem.gauge import Gauge
     from tmc_vem.interrupt import stop_requests
     from tmc_vem.lock import DirectoryLock
+    from tmc_vem.plausibility import WARNING, Finding
     from tmc_vem.recorder import Recorder
     from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
     from tmc_vem.solve.budget import Budget
@@ -171,9 +172,8 @@ def run(
                 options.checkpoint_every, monitor, timer,
             )  # fmt: skip
             if directory is not None and lock is not None and not lock.held:
-                recorder.warnings.append(
-                    f"the file system of {directory.path} has no locks: only one run may write there"
-                )
+                text = f"the file system of {directory.path} has no locks: only one run may write there"
+                recorder.findings.append(Finding(WARNING, text))
             u = system.create_vector()
             states, position = recorder.restore(u) if resume else (None, None)
         monitor.end = path.end

@@ -113,9 +113,9 @@ def _run(arguments: list[str] | None) -> int:
 
 def _report(message: str, code: int) -> int:
     if _rank() == 0:
-        # what a user typed may hold line breaks and worse
-        line = "".join(ch if ch.isprintable() else repr(ch)[1:-1] for ch in message)
-        click.echo(f"tmc-vem: {line}", err=True)
+        from tmc_vem.validation import printable
+
+        click.echo(f"tmc-vem: {printable(message)}", err=True)  # what a user typed may hold line breaks and worse
     return code
 
 

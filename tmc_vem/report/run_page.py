@@ -6,7 +6,7 @@ import numpy as np
 
 from tmc_vem.errors import InputError
 from tmc_vem.report import cautions, plots, tables
-from tmc_vem.report.page import Block, Page, Section, Table, Text, Warnings, picture
+from tmc_vem.report.page import Block, Page, Section, Table, Text, picture
 from tmc_vem.report.panels import draw_panels
 from tmc_vem.report.snapshots import nearest, read_fields, record_of, snapshots
 from tmc_vem.results import RunResult
@@ -43,7 +43,7 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4) -> P
         picture(plots.energy_split(runs), "energy", "Energy of solids and medium during loading."),
         picture(plots.newton_iterations(runs), "newton", "Newton iterations of every load step."),
     ]
-    warnings = Warnings([*cautions.of_runs(runs), *overlaps])
+    warnings = cautions.listed([*overlaps, *cautions.of_runs(runs)])
     return Page(
         f"Run of {name}",
         f"{tables.reached(result)}, {result.n_cells} cells, {result.n_dofs} degrees of freedom.",
