@@ -43,6 +43,7 @@ class Evidence:
         checks: what the deformed solids look like at the end, see :class:`tmc_vem.report.contact.ContactReport`.
         media: names of the regions that are third medium.
         size: of the domain.
+        complete: whether the last step is the end of the path, so that its reaction is the one that is quoted.
     """
 
     inputs: Mapping[str, Any]
@@ -50,6 +51,7 @@ class Evidence:
     checks: Mapping[str, Any]
     media: Sequence[str]
     size: float
+    complete: bool = True
 
     @property
     def last(self) -> StepRecord | None:
@@ -124,7 +126,7 @@ def medium_before_contact(evidence: Evidence) -> Iterable[Finding]:
         if record.parameters or evidence.squeezed(record):
             break
         before = record
-    if before is None or not evidence.media:
+    if before is None or not (evidence.media and evidence.complete):
         return
     total = sum(before.energy.values())
     quoted = evidence.history[evidence.quoted]
@@ -143,7 +145,7 @@ def medium_before_contact(evidence: Evidence) -> Iterable[Finding]:
 
 def medium_in_contact(evidence: Evidence) -> Iterable[Finding]:
     """The part of the quoted reaction that works on the medium instead of the bodies."""
-    if not (evidence.history and evidence.media):
+    if not (evidence.history and evidence.media and evidence.complete):
         return
     n = evidence.quoted
     now, before = evidence.history[n], evidence.history[n - 1] if n else None

@@ -11,6 +11,7 @@ import click
 
 from tmc_vem.errors import InputError
 from tmc_vem.results import RunResult
+from tmc_vem.validation import printable
 
 # longer values make no column
 WIDEST = 24
@@ -40,13 +41,13 @@ def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
 
     from tmc_vem.cli.tables import plain
     from tmc_vem.report.overview import find_runs
-    from tmc_vem.report.tables import differing, number, reached, runs_csv
+    from tmc_vem.report.tables import count, differing, number, reached, runs_csv
 
     if as_json and as_csv:
         raise InputError("--json and --csv: choose one")
     runs, unreadable = find_runs(directory)
     for message in unreadable:
-        click.echo(f"tmc-vem: {message}", err=True)
+        click.echo(f"tmc-vem: {printable(message)}", err=True)
     if as_json:
         click.echo(json.dumps({name: json.loads(run.to_json()) for name, run in runs.items()}, indent=2))
         return
@@ -65,7 +66,7 @@ def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
         Column("gap", [number(run.gap, 5) for run in runs.values()]),
         Column("reaction", [number(run.reaction, 5) for run in runs.values()]),
         *([Column("doubts", doubts)] if any(doubts) else []),
-        Column("dofs", [str(run.n_dofs) for run in runs.values()]),
+        Column("dofs", [count(run.n_dofs) for run in runs.values()]),
         Column("iterations", [str(run.newton_iterations) for run in runs.values()]),
         Column("time (s)", [f"{run.seconds['total']:.1f}" for run in runs.values()]),
     ]

@@ -12,6 +12,7 @@ from tmc_vem.cli.tables import names_and_values, plain
 from tmc_vem.monitor import Monitor
 from tmc_vem.probes import GAP
 from tmc_vem.problems.base import Problem
+from tmc_vem.report.tables import reached
 from tmc_vem.results import RunResult, StepRecord
 
 
@@ -77,7 +78,7 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
     def with_unit(value: str, column: str) -> str:
         return f"{value} {result.unit(column)}".rstrip()
 
-    rows = [("load reached", "full load" if result.complete else f"{result.load:.4g} of the load")]
+    rows = [("load reached", reached(result))]
     last = result.last
     if last:
         gap = {} if last.gap is None else {GAP: last.gap}

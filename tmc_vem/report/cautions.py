@@ -7,12 +7,14 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from tmc_vem.errors import InputError
-from tmc_vem.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, overlap
+from tmc_vem.fields import is_medium
+from tmc_vem.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of, overlap
 from tmc_vem.report.contact import check_contact
 from tmc_vem.report.page import Warnings
 from tmc_vem.report.snapshots import read_fields, snapshots
-from tmc_vem.report.tables import reached
+from tmc_vem.report.tables import stopped
 from tmc_vem.results import RunResult
+from tmc_vem.unfinished import RUNNING, how_to_go_on
 
 
 def listed(findings: Iterable[Finding]) -> Warnings:
@@ -34,8 +36,13 @@ def of_runs(runs: Mapping[str, RunResult]) -> list[Finding]:
     said: dict[Finding, list[str]] = {}
     for name, run in runs.items():
         found = [Finding(ERROR, text) for text in run.errors] + [Finding(WARNING, text) for text in run.warnings]
+        if run.unfinished:
+            media = [region for region in run.min_j if is_medium(region)]
+            found += findings_of(Evidence(run.inputs, run.history, {}, media, 0.0, complete=False))
         if not run.complete:
-            found.insert(0, Finding(ERROR, f"{reached(run)} of the load: {run.reason}"))
+            how = how_to_go_on(run.directory) if run.cut_short and run.directory is not None else ""
+            text = f"{stopped(run)}; {how}" if how else stopped(run)
+            found.insert(0, Finding(WARNING if run.unfinished == RUNNING else ERROR, text))
         for finding in found:
             said.setdefault(finding, []).append(name)
     findings = [Finding(finding.severity, f"{_some(names)}: {finding.text}") for finding, names in said.items()]
