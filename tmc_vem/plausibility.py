@@ -22,6 +22,7 @@ MEDIUM_REACTION = 0.05
 UNSQUEEZED = 0.5
 SMALLEST_SOLID_J, SMALLEST_MEDIUM_J = 0.2, 1e-6
 OVERLAP = 1e-6  # depth relative to the size of the domain, and area relative to its square
+FEW = 4  # loads that are named
 SAME = 1e-9  # relative difference of parameters that are equal
 
 
@@ -114,9 +115,9 @@ def jumps(evidence: Evidence) -> Iterable[Finding]:
     """Steps to another branch."""
     loads = [f"{record.load:.4g}" for record in evidence.history if record.jumped]
     if loads:
-        yield Finding(
-            WARNING, f"the equilibrium branch ended and the run jumped to another one at load {', '.join(loads)}"
-        )
+        more = f" and {len(loads) - FEW} more" if len(loads) > FEW else ""
+        at = f"{', '.join(loads[:FEW])}{more}"
+        yield Finding(WARNING, f"the equilibrium branch ended and the run jumped to another one at load {at}")
 
 
 def medium_before_contact(evidence: Evidence) -> Iterable[Finding]:

@@ -363,6 +363,9 @@ def _check_types(data: Mapping[str, Any]) -> None:
     for name, value in data.items():
         if not isinstance(value, kinds[name]):
             raise TypeError(f"{name} = {shown(value)} has the wrong type")
+    for name in ("errors", "warnings"):
+        if not all(isinstance(text, str) for text in data.get(name, ())):
+            raise TypeError(f"{name} = {shown(data[name])} are no sentences")
     times = data["seconds"]
     if not all(isinstance(value, (int, float)) for value in (times.get("total"), *times.values())):
         raise TypeError(f"seconds = {shown(times)} are no times, with a total")

@@ -13,11 +13,7 @@ from tmc_vem.results import RunResult
 
 
 def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4) -> Page:
-    """Curves, deformed states, tables and provenance of a run, as far as it has come.
-
-    Raises:
-        InputError: a file with fields is damaged.
-    """
+    """Curves, deformed states, tables and provenance of a run, as far as it has come."""
     name = f"{result.inputs.get('problem', 'run')} {str(result.inputs.get('method', '')).upper()}".rstrip()
     runs = {name: result}
     contact, findings = cautions.of_contact(runs) if result.history else ([], [])
@@ -29,7 +25,7 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4) -> P
         f"{tables.reached(result)}, {cells} cells, {dofs} degrees of freedom.",
         [
             Section("Result", [tables.final_state(runs), *tables.measured(runs), warnings]),
-            *([Section("Deformed states", _states(result, quantity, n_states))] if result.history else []),
+            *([Section("Deformed states", [_states(result, quantity, n_states)])] if result.history else []),
             *([Section("Curves", _curves(runs))] if result.history else []),
             Section("Solution", [tables.effort(runs), Table("Contact.", ("run", "deformed solids"), contact)]),
             Section("How to repeat this", tables.provenance(runs, made_with)),
@@ -37,20 +33,19 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4) -> P
     )
 
 
-def _states(result: RunResult, quantity: str, n_states: int) -> list[Block]:
+def _states(result: RunResult, quantity: str, n_states: int) -> Block:
+    """Deformed states, evenly spread over the path so far, or why there are none."""
     try:
         available = snapshots(result)
+        wanted = result.history[-1].coordinate * np.arange(1, n_states + 1) / n_states
+        chosen = {found.load: found for load in wanted for found in (nearest(available, float(load)),)}
+        panels = [
+            (f"displacement {record_of(result, found).displacement:.3g}", read_fields(result, found))
+            for found in chosen.values()
+        ]
     except InputError as error:
-        return [Text(str(error))]
-    if not available:
-        return [Text("No fields were written yet.")]
-    wanted = result.history[-1].coordinate * np.arange(1, n_states + 1) / n_states
-    chosen = {found.load: found for load in wanted for found in (nearest(available, float(load)),)}
-    panels = [
-        (f"displacement {record_of(result, found).displacement:.3g}", read_fields(result, found))
-        for found in chosen.values()
-    ]
-    return [picture(draw_panels(panels, quantity=quantity), "states", "Deformed states.", inline="png")]
+        return Text(str(error))
+    return picture(draw_panels(panels, quantity=quantity), "states", "Deformed states.", inline="png")
 
 
 def _curves(runs: tables.Runs) -> list[Block]:

@@ -87,8 +87,8 @@ def _read(path: Path, region_names: tuple[str, ...]) -> Fields:
     import meshio
 
     try:
-        return _fields(meshio.read(path), region_names)
-    except (Exception, SystemExit) as error:  # what meshio makes of a damaged file is anybody's guess
+        return _fields(meshio.vtu.read(path), region_names)  # meshio.read would print, and leave the program
+    except Exception as error:  # what meshio makes of a damaged file is anybody's guess
         raise InputError(f"{path} is not readable: {error or type(error).__name__}") from None
 
 
