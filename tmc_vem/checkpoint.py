@@ -28,10 +28,11 @@ from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError, TmcError
 from tmc_vem.files import whole_file
+from tmc_vem.unfinished import BEFORE, CHECKPOINT, how_to_go_on
 
 Float = NDArray[np.float64]
 
-CHECKPOINT, BEFORE, PARTS = "checkpoint.npz", "checkpoint-before.npz", "checkpoint-part-*.npz"
+PARTS = "checkpoint-part-*.npz"
 SCHEMA = 3
 DURABLE = 10.0  # seconds of a run that a power cut may cost
 _ARRAYS = ("labels_nz", "states_sni")
@@ -96,10 +97,9 @@ class Checkpoint:
                 )  # fmt: skip
                 temporary.write_bytes(archive.getbuffer())
         except OSError as error:
-            reason = error.strerror or str(error)
-            raise TmcError(
-                f"the checkpoint in {path.parent} could not be written ({reason}); the last one is intact"
-            ) from error
+            reason, how = error.strerror or str(error), how_to_go_on(path.parent)
+            after = f"; the last one is intact: with more room, {how}" if how else ""
+            raise TmcError(f"the checkpoint in {path.parent} could not be written ({reason}){after}") from error
         return digest
 
     @staticmethod

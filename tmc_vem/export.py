@@ -10,7 +10,7 @@ import numpy as np
 from tmc_vem.errors import InputError
 from tmc_vem.fields import Fields
 from tmc_vem.report.snapshots import nearest, read_fields, snapshots
-from tmc_vem.results import RunResult
+from tmc_vem.results import COLUMNS, RunResult
 from tmc_vem.units import COORDINATES, Units
 
 
@@ -21,9 +21,8 @@ def to_pandas(result: RunResult) -> Any:
         InputError: pandas is not installed.
     """
     pandas = _required("pandas")
-    frame = pandas.DataFrame([record.as_row() for record in result.history])
-    if len(frame):
-        frame = frame.set_index("step")
+    rows = [record.as_row() for record in result.history]
+    frame = pandas.DataFrame(rows, columns=None if rows else list(COLUMNS)).set_index("step")
     frame.attrs["units"] = dict(result.units)
     return frame
 

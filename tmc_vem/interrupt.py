@@ -14,8 +14,9 @@ from tmc_vem.errors import TmcError
 class Interrupted(TmcError):
     """The run was asked to stop. The exit code is 128 plus the signal's number: 130 for Ctrl-C, 143 for SIGTERM."""
 
-    def __init__(self, number: int) -> None:
-        super().__init__(f"stopped by {signal.Signals(number).name}")
+    def __init__(self, number: int, how_to_go_on: str = "") -> None:
+        advice = f"; {how_to_go_on}" if how_to_go_on else ""
+        super().__init__(f"stopped by {signal.Signals(number).name}{advice}")
         self.number = number
         self.exit_code = 128 + number
 

@@ -5,12 +5,29 @@ from __future__ import annotations
 import fcntl
 import os
 import socket
+import time
 from pathlib import Path
 from typing import Any
 
 from tmc_vem.errors import InputError
 
 LOCK = "run.lock"
+# Who looks whether a run goes on holds its lock for an instant: seconds to wait for that, and how often.
+INSTANT, ATTEMPTS = 0.02, 5
+
+
+def is_held(directory: Path) -> bool | None:
+    """Whether a process holds the lock of a run directory; None where that cannot be found out."""
+    try:
+        with (directory / LOCK).open() as handle:
+            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        return False
+    except BlockingIOError:
+        return True
+    except FileNotFoundError:
+        return False
+    except OSError:  # no locks on this file system, or no permission
+        return None
 
 
 class DirectoryLock:
@@ -37,7 +54,7 @@ class DirectoryLock:
         """Lock the file; False if it was removed by its last holder in the meantime."""
         handle = self.path.open("a+")
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _lock(handle)
         except BlockingIOError:
             handle.seek(0)
             holder = handle.read(200).strip() or "another process"
@@ -70,3 +87,20 @@ class DirectoryLock:
             self.path.unlink(missing_ok=True)
             self._handle.close()
             self._handle, self.held = None, False
+
+
+def _lock(handle: Any) -> None:
+    """Lock a file for this process alone.
+
+    Raises:
+        BlockingIOError: another process holds the lock.
+        OSError: there are no locks on this file system.
+    """
+    for attempt in range(ATTEMPTS):
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError:
+            if attempt == ATTEMPTS - 1:
+                raise
+            time.sleep(INSTANT)

@@ -1,107 +1,234 @@
 """What a user should know about a result before quoting it: thresholds, and the sentences that a run prints.
 
-A run that reaches its load is not yet right: the medium may carry the load, be as good as inverted, or let bodies pass.
-The thresholds are matters of judgement; docs/solver.md gives the reasons.
+A run that reaches its load is not yet right: bodies may pass each other, the medium may carry the load or be as good as
+inverted. An error says that the numbers are not those of the problem; a warning, that they need a second look. What is
+said is judged by its effect on the numbers that are reported. docs/guide/failures.md defines the measures,
+docs/solver.md lists the thresholds, which are matters of judgement.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from tmc_vem.results import StepRecord
 
+ERROR, WARNING = "error", "warning"
 LARGE_GAMMA = 1e-2
-# Part of the external work that goes into the medium before it is squeezed: a force without contact.
-PARASITIC_FORCE = 0.05
+# Part of the reaction that the medium may take, before contact and at the end: it is off by about as much.
+MEDIUM_REACTION = 0.05
 # The medium counts as not yet squeezed while J stays above this in all of it.
 UNSQUEEZED = 0.5
-# Part of the stored energy that is in the medium at the end.
-MEDIUM_ENERGY = 0.05
 SMALLEST_SOLID_J, SMALLEST_MEDIUM_J = 0.2, 1e-6
 OVERLAP = 1e-6  # depth relative to the size of the domain, and area relative to its square
+FEW = 4  # loads that are named
+SAME = 1e-9  # relative difference of parameters that are equal
 
 
-def warnings_of(
-    inputs: Mapping[str, Any], history: Sequence[StepRecord], checks: Mapping[str, Any], media: Sequence[str],
-    size: float,
-) -> list[str]:  # fmt: skip
-    """Sentences about what is doubtful in a run.
+@dataclass(frozen=True)
+class Finding:
+    """Something doubtful: ``severity`` is 'error' or 'warning', ``text`` a sentence."""
 
-    Args:
+    severity: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a run is judged by.
+
+    Attributes:
         inputs: parameters of the run.
         history: its converged steps.
         checks: what the deformed solids look like at the end, see :class:`tmc_vem.report.contact.ContactReport`.
         media: names of the regions that are third medium.
         size: of the domain.
+        complete: whether the last step is the end of the path, so that its reaction is the one that is quoted.
     """
-    found = [*_of_inputs(inputs)]
-    if history:
-        found += [*_parasitic_force(history, media), *_energy(history[-1], media), *_jacobians(history[-1], media)]
-        if history[-1].negative_pivots:
-            found.append(
-                f"the last state is unstable ({history[-1].negative_pivots} negative pivots): there may be others"
-            )
-        stiff = [record for record in history if record.parameters and record.parameters != history[-1].parameters]
-        if stiff and "continuation" not in inputs:
-            loads = f"{stiff[0].load:.4g} to {stiff[-1].load:.4g}"
-            found.append(
-                f"steps at loads {loads} have a stiffer medium, as the branch ended (parameter_* in history.csv)"
-            )
-        jumps = [f"{record.load:.4g}" for record in history if record.jumped]
-        if jumps:
-            found.append(f"the equilibrium branch ended and the run jumped to another one at load {', '.join(jumps)}")
+
+    inputs: Mapping[str, Any]
+    history: Sequence[StepRecord]
+    checks: Mapping[str, Any]
+    media: Sequence[str]
+    size: float
+    complete: bool = True
+
+    @property
+    def last(self) -> StepRecord | None:
+        """The last converged step."""
+        return self.history[-1] if self.history else None
+
+    @property
+    def quoted(self) -> int:
+        """Number of the step whose reaction is quoted: the last one with the largest load, from 0."""
+        most = max(abs(record.load) for record in self.history)
+        return max(n for n, record in enumerate(self.history) if abs(record.load) >= (1.0 - SAME) * most)
+
+    def squeezed(self, record: StepRecord) -> bool:
+        """Whether the medium is squeezed somewhere."""
+        return any(record.min_j[name] < UNSQUEEZED for name in self.media)
+
+    def in_medium(self, record: StepRecord) -> float:
+        """Energy of the medium."""
+        return sum(record.energy[name] for name in self.media)
+
+
+Rule = Callable[[Evidence], Iterable[Finding]]
+
+
+def findings_of(evidence: Evidence) -> list[Finding]:
+    """All that is doubtful, the weightiest first: errors before warnings, each in the order of ``RULES``."""
+    return by_weight(finding for rule in RULES for finding in rule(evidence))
+
+
+def by_weight(findings: Iterable[Finding]) -> list[Finding]:
+    """Errors before warnings; else the order stays."""
+    return sorted(findings, key=lambda finding: finding.severity != ERROR)
+
+
+def overlap(evidence: Evidence) -> Iterable[Finding]:
+    """Solids that overlap by more than rounding."""
+    checks, size = evidence.checks, evidence.size
     depth, area = checks.get("penetration_depth") or 0.0, checks.get("overlap_area") or 0.0
     if depth > OVERLAP * size or area > OVERLAP * size**2:
-        found.append(f"{checks['summary']}: use smaller cells there or more medium around sharp corners")
+        yield Finding(ERROR, f"{checks['summary']}: use smaller cells there or more medium around sharp corners")
+
+
+def other_parameters(evidence: Evidence) -> Iterable[Finding]:
+    """A last state that belongs to another medium than the problem's."""
+    last = evidence.last
+    for name, value, wanted in differing_parameters(last, evidence.inputs) if last else ():
+        yield Finding(ERROR, f"the last state has {name} = {value:.4g}, not {wanted:.4g}: it was not yet brought back")
+
+
+def instability(evidence: Evidence) -> Iterable[Finding]:
+    """A last state that is an equilibrium but no minimum."""
+    last = evidence.last
+    if last and last.negative_pivots:
+        yield Finding(
+            WARNING, f"the last state is unstable ({last.negative_pivots} negative pivots): there may be others"
+        )
+
+
+def jumps(evidence: Evidence) -> Iterable[Finding]:
+    """Steps to another branch."""
+    loads = [f"{record.load:.4g}" for record in evidence.history if record.jumped]
+    if loads:
+        more = f" and {len(loads) - FEW} more" if len(loads) > FEW else ""
+        at = f"{', '.join(loads[:FEW])}{more}"
+        yield Finding(WARNING, f"the equilibrium branch ended and the run jumped to another one at load {at}")
+
+
+def medium_before_contact(evidence: Evidence) -> Iterable[Finding]:
+    """The medium's part of the reaction while nothing touches, relative to the reaction that is quoted."""
+    before = None
+    for record in evidence.history:
+        if record.parameters or evidence.squeezed(record):
+            break
+        before = record
+    if before is None or not (evidence.media and evidence.complete):
+        return
+    total = sum(before.energy.values())
+    quoted = evidence.history[evidence.quoted]
+    if not (total > 0.0 and quoted.reaction):
+        return
+    parasitic = evidence.in_medium(before) / total * abs(before.reaction)
+    share = parasitic / abs(quoted.reaction)
+    if share > MEDIUM_REACTION:
+        yield Finding(
+            WARNING,
+            f"before contact (load {before.load:.3g}) the medium alone gives {_percent(share)} of the final reaction "
+            f"({parasitic:.2g} of {abs(quoted.reaction):.3g}; more than {MEDIUM_REACTION:.0%} counts): "
+            "use a smaller gamma",
+        )
+
+
+def medium_in_contact(evidence: Evidence) -> Iterable[Finding]:
+    """The part of the quoted reaction that works on the medium instead of the bodies."""
+    if not (evidence.history and evidence.media and evidence.complete):
+        return
+    n = evidence.quoted
+    now, before = evidence.history[n], evidence.history[n - 1] if n else None
+    if not evidence.squeezed(now) or now.jumped:
+        return
+    if before is None:
+        work, medium = sum(now.energy.values()), evidence.in_medium(now)
+    elif before.parameters != now.parameters or before.displacement == now.displacement:
+        return
+    else:
+        work = sum(now.energy.values()) - sum(before.energy.values())
+        medium = evidence.in_medium(now) - evidence.in_medium(before)
+    share = medium / work if work > 0.0 else 0.0
+    if share > MEDIUM_REACTION:
+        yield Finding(
+            WARNING,
+            f"{_percent(min(share, 1.0))} of the final reaction squeezes the medium and not the bodies (more than "
+            f"{MEDIUM_REACTION:.0%} counts; it is off by about as much): use a smaller gamma or alpha_r",
+        )
+
+
+def stiffer_medium(evidence: Evidence) -> Iterable[Finding]:
+    """Steps that were taken with a stiffer medium than the last one."""
+    last = evidence.last
+    if last is None or "continuation" in evidence.inputs:
+        return
+    stiff = [record for record in evidence.history if record.parameters and record.parameters != last.parameters]
+    if stiff:
+        loads = f"{stiff[0].load:.4g} to {stiff[-1].load:.4g}"
+        yield Finding(
+            WARNING, f"steps at loads {loads} have a stiffer medium, as the branch ended (parameter_* in history.csv)"
+        )
+
+
+def jacobians(evidence: Evidence) -> Iterable[Finding]:
+    """Cells that are as good as inverted, solids first."""
+    last = evidence.last
+    for name, value in sorted(last.min_j.items(), key=lambda item: item[0] in evidence.media) if last else ():
+        limit = SMALLEST_MEDIUM_J if name in evidence.media else SMALLEST_SOLID_J
+        if value < limit:
+            yield Finding(
+                WARNING, f"smallest J in region '{name}' is {value:.2g}, below {limit:g}: use smaller cells there"
+            )
+
+
+def large_gamma(evidence: Evidence) -> Iterable[Finding]:
+    """A medium that is a body of its own."""
+    for value in dict.fromkeys(wanted_parameters(evidence.inputs, "gamma")):
+        if value > LARGE_GAMMA:
+            yield Finding(
+                WARNING,
+                f"gamma = {value:g} is above {LARGE_GAMMA:g}: the medium acts as a body of its own; use 1e-3 or less",
+            )
+
+
+# the order is that of their weight
+RULES: tuple[Rule, ...] = (
+    overlap, other_parameters, instability, jumps, medium_before_contact, medium_in_contact, stiffer_medium, jacobians,
+    large_gamma,
+)  # fmt: skip
+
+
+def wanted_parameters(inputs: Mapping[str, Any], name: str) -> list[float]:
+    """Values of a medium's parameter that a problem asks for, in all its media."""
+    media = [inputs.get("medium"), *(region.get("medium") for region in _tables(inputs.get("regions")))]
+    return [float(medium[name]) for medium in media if isinstance(medium, Mapping) and name in medium]
+
+
+def differing_parameters(record: StepRecord, inputs: Mapping[str, Any]) -> list[tuple[str, float, float]]:
+    """Parameters (name, value, the problem's value) of a step that are not those of the problem."""
+    found = []
+    for name, value in record.parameters.items():
+        wanted = wanted_parameters(inputs, name)
+        if wanted and not any(abs(value - w) <= SAME * abs(w) for w in wanted):
+            found.append((name, value, wanted[0]))
     return found
 
 
-def _of_inputs(inputs: Mapping[str, Any]) -> list[str]:
-    gamma = inputs.get("medium", {}).get("gamma", 0.0)
-    if gamma > LARGE_GAMMA:
-        return [f"gamma = {gamma:g} is above {LARGE_GAMMA:g}: the medium acts as a body of its own; use 1e-3 or less"]
-    return []
-
-
-def _parasitic_force(history: Sequence[StepRecord], media: Sequence[str]) -> list[str]:
-    """Work done on the medium per work done on all, up to the last step before the medium is squeezed."""
-    before = None
-    for record in history:
-        if record.parameters or any(record.min_j[name] < UNSQUEEZED for name in media):
-            break
-        before = record
-    if before is None or not media:
-        return []
-    total = sum(before.energy.values())
-    share = sum(before.energy[name] for name in media) / total if total > 0.0 else 0.0
-    if share <= PARASITIC_FORCE:
-        return []
-    return [
-        f"the medium takes {_percent(share)} of the work before contact (load {before.load:.3g}; more than "
-        f"{PARASITIC_FORCE:.0%} shows in the reaction): use a smaller gamma"
-    ]
+def _tables(tables: Any) -> list[Mapping[str, Any]]:
+    return [table for table in tables.values() if isinstance(table, Mapping)] if isinstance(tables, Mapping) else []
 
 
 def _percent(share: float) -> str:
     """A share above a limit of a few percent, never the limit itself."""
     return f"{share:.1%}" if share < 0.1 else f"{share:.0%}"
-
-
-def _energy(last: StepRecord, media: Sequence[str]) -> list[str]:
-    total = sum(last.energy.values())
-    share = sum(last.energy[name] for name in media) / total if total > 0.0 else 0.0
-    if share <= MEDIUM_ENERGY:
-        return []
-    return [
-        f"the medium holds {_percent(share)} of the energy (above {MEDIUM_ENERGY:.0%}): use a smaller gamma or alpha_r"
-    ]
-
-
-def _jacobians(last: StepRecord, media: Sequence[str]) -> list[str]:
-    found = []
-    for name, value in last.min_j.items():
-        limit = SMALLEST_MEDIUM_J if name in media else SMALLEST_SOLID_J
-        if value < limit:
-            found.append(f"smallest J in region '{name}' is {value:.2g}, below {limit:g}: use smaller cells there")
-    return found

@@ -24,14 +24,16 @@ from tmc_vem.monitor import Monitor
 from tmc_vem.output import SnapshotWriter, gather_fields
 from tmc_vem.overlap import OverlapWatch
 from tmc_vem.parallel import on_every_rank, on_root
-from tmc_vem.plausibility import warnings_of
+from tmc_vem.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of
 from tmc_vem.problems.base import Problem
 from tmc_vem.provenance import versions
 from tmc_vem.report.contact import check_contact
-from tmc_vem.results import PICTURE, RunDirectory, RunResult, StepRecord
+from tmc_vem.results import PICTURE, RunResult, StepRecord
+from tmc_vem.run_directory import RunDirectory
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import Position, Step, SteppingResult
 from tmc_vem.timing import Timer
+from tmc_vem.unfinished import how_to_go_on
 
 Float = NDArray[np.float64]
 
@@ -62,7 +64,8 @@ class Recorder:
         self._inverted: dict[str, Any] = {}
         self.history: list[StepRecord] = []
         self._plain_history: list[dict[str, Any]] = []
-        self.warnings: list[str] = []
+        self.findings: list[Finding] = []  # about the run as such: its files, for example
+        self._facts: dict[str, Any] = {}
         self._order = int(inputs["order"])
         self._every = checkpoint_every if directory is not None else 0
         self._on_root = system.comm.rank == 0
@@ -150,7 +153,28 @@ class Recorder:
         position["stiffer"] = tuple(tuple(pair) for pair in position["stiffer"])
         return states, Position(**position)
 
-    def finish(self, outcome: SteppingResult, u: Any, residual: Any, linear: Mapping[str, Any]) -> RunResult:
+    def begin(self, *, locked: bool) -> None:
+        """Say in the run directory what the run is; called on all ranks.
+
+        Args:
+            locked: whether this process holds the directory's lock.
+        """
+        with self.timer("tables"):
+            self._facts = {
+                "inputs": self.inputs,
+                "versions": versions(self.system.comm.size),
+                "n_cells": self.system.n_cells_global,
+                "n_dofs": self.system.n_dofs,
+                "projection_degrees": {str(space): n for space, n in self.system.projection_degrees().items()},
+            }
+        if self.directory is not None:
+            directory, units = self.directory, self._units()
+            with _reported(directory.path):
+                on_root(self.system.comm, lambda: directory.begin({**self._facts, "units": units}, locked=locked))
+
+    def finish(
+        self, outcome: SteppingResult, u: Any, residual: Any, linear: Mapping[str, Any], *, cut_short: bool = False
+    ) -> RunResult:
         """Check the last state, draw it and write result.json.
 
         The check for interpenetration and the picture need the whole state on rank 0.
@@ -160,6 +184,7 @@ class Recorder:
             u: the last converged state.
             residual: work vector, overwritten.
             linear: name of the linear solver and its iterations.
+            cut_short: a limit on work has ended the stepping.
         """
         if self._snapshots is not None and self.history:
             with self.timer("snapshots"), _reported(self._snapshots.directory):
@@ -182,28 +207,26 @@ class Recorder:
         if fields is not None and self.directory is not None:
             with self.timer("picture"):
                 self._draw(fields, self.directory.path / PICTURE)
-        with self.timer("tables"):
-            found = versions(self.system.comm.size)
         history = self.history
         media = [name for name, region in self.problem.regions().items() if region.is_medium]
+        evidence = Evidence(self.inputs, history, checks, media, self.system.size, outcome.complete)
+        findings = by_weight([*findings_of(evidence), *self.findings])
         result = RunResult(
-            inputs=self.inputs,
-            versions=found,
+            **self._facts,
             complete=outcome.complete,
             reason=outcome.reason,
             load=outcome.load,
-            n_cells=self.system.n_cells_global,
-            n_dofs=self.system.n_dofs,
             newton_iterations=sum(r.iterations + r.wasted_iterations for r in history) + outcome.failed_iterations,
             cut_backs=sum(r.cut_backs for r in history) + outcome.failed_attempts,
-            projection_degrees={str(degree): count for degree, count in self.system.projection_degrees().items()},
             checks=checks,
             parallel=balance(self.system.comm, self.system.work()) | dict(linear),
-            warnings=self.warnings + warnings_of(self.inputs, history, checks, media, self.system.size),
+            errors=[finding.text for finding in findings if finding.severity == ERROR],
+            warnings=[finding.text for finding in findings if finding.severity == WARNING],
             seconds=self.timer.report(),
             history=history,
             directory=None if self.directory is None else self.directory.path,
             units=self._units(history[-1]) if history else {},
+            cut_short=cut_short and not outcome.complete,
         )
         if self.directory is not None:
             directory = self.directory
@@ -217,7 +240,8 @@ class Recorder:
         try:
             draw_deformed(fields, path, title=self._title())
         except OSError as error:
-            self.warnings.append(f"{path.name} could not be written: {error.strerror or error}")
+            text = f"{path.name} could not be written: {error.strerror or error}"
+            self.findings.append(Finding(WARNING, text))
 
     def step_failed(self, u: Any) -> None:
         """A step from a converged state has failed: count the cells that are inverted between their quadrature points.
@@ -283,10 +307,12 @@ class Recorder:
         if durable:
             self._durable_until = time.monotonic() + DURABLE
 
-    def _units(self, record: StepRecord) -> dict[str, str]:
-        """Units of the columns of the history."""
+    def _units(self, record: StepRecord | None = None) -> dict[str, str]:
+        """Units of the columns of the history; without a record, of those that every step will have."""
         kinds = {name: probe.kind for name, probe in self.gauge.probes.items()}
-        return self.problem.units().of_columns(record.as_row(), kinds)
+        by_region = [f"{group}{name}" for group in ("min_j_", "energy_") for name in self.problem.regions()]
+        columns = ["displacement", *kinds, "reaction", *by_region] if record is None else record.as_row()
+        return self.problem.units().of_columns(columns, kinds)
 
     def _headings(self, record: StepRecord) -> dict[str, str]:
         """Units that stand in the headings of history.csv: those that the problem declares."""
@@ -310,11 +336,9 @@ def _reported(directory: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise TmcError(
-            f"{directory} cannot be written ({reason}); with more room, 'tmc-vem resume {directory}' goes on from the "
-            "last checkpoint"
-        ) from error
+        reason, how = error.strerror or str(error), how_to_go_on(directory)
+        after = f"; with more room, {how} from the last checkpoint" if how else ""
+        raise TmcError(f"{directory} cannot be written ({reason}){after}") from error
 
 
 def _nodal(vector: Any) -> Float:

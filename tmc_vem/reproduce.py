@@ -11,7 +11,7 @@ from tmc_vem.files import write_atomically
 from tmc_vem.paper import body_figures, box_figures, table2, table3
 from tmc_vem.paper.target import Results, Target
 from tmc_vem.report import cautions
-from tmc_vem.report.page import Page, Section, Warnings
+from tmc_vem.report.page import Page, Section
 from tmc_vem.report.tables import provenance, runs_csv
 from tmc_vem.report.write import write_page
 
@@ -60,13 +60,13 @@ def _page(name: str, results: Results, failures: dict[str, str], out: Path, *, q
     jobs = target.jobs(quick)
     runs = {label: results[job.name] for label, job in jobs.items() if job.name in results}
     messages = [f"{label} gave no result: {failures[job.name]}" for label, job in jobs.items() if job.name in failures]
-    messages += cautions.of_runs(runs)
+    findings = [*cautions.of_failures(messages), *cautions.of_runs(runs)]
     page = Page(
         f"{target.title}{' (coarse)' if quick else ''}",
         f"{target.lead} After Xu & Wriggers, CMAME 450 (2026) 118611.",
         [
             *target.sections(results, quick),
-            Section("Warnings", [Warnings(messages)]),
+            Section("Warnings", [cautions.listed(findings)]),
             Section("How to repeat this", provenance(runs, command)),
         ],
     )

@@ -1,7 +1,7 @@
 """Runs as data: records of load steps and the result of a run, read from and written to a run directory.
 
 A run directory holds ``result.json`` (inputs, versions, results, times), ``history.csv`` (a row a load step),
-``fields.pvd`` with ``fields/*.vtu`` and ``deformed.png``.
+``fields.pvd`` with ``fields/*.vtu`` and ``deformed.png``; until there is a result, ``run.json`` instead.
 """
 
 from __future__ import annotations
@@ -10,26 +10,24 @@ import csv
 import io
 import json
 import math
-import os
-import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from tmc_vem.errors import InputError
-from tmc_vem.files import remove_unfinished, write_atomically
-from tmc_vem.lock import LOCK
 from tmc_vem.probes import GAP, RESERVED, RESERVED_STARTS
+from tmc_vem.unfinished import BEGUN, CHECKPOINT, COMMAND, unfinished
+from tmc_vem.validation import shown
 
 # Schema of run directories that is written, and the oldest that is read. A new entry with a default in ``read`` or
 # ``from_row`` leaves both alone; a changed meaning raises both.
 SCHEMA, OLDEST = 1, 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
-COMMAND = "command.json"
 # groups of values in a record, and what their columns begin with
 _GROUPS = {"min_j": "min_j_", "energy": "energy_", "parameters": "parameter_"}
-_OWN = (RESULT, HISTORY, FIELDS, COLLECTION, PICTURE, COMMAND, "checkpoint.npz", "checkpoint-before.npz")
+# what tells a run directory from others
+MARKS = (RESULT, BEGUN, COMMAND, CHECKPOINT)
 
 
 @dataclass(frozen=True)
@@ -132,6 +130,10 @@ class StepRecord:
         return StepRecord(**{"probes": gap, **{key: value for key, value in entry.items() if key != GAP}})
 
 
+# columns of history.csv that every run has
+COLUMNS = tuple(entry.name for entry in fields(StepRecord) if entry.name not in ("probes", *_GROUPS))
+
+
 @dataclass(frozen=True)
 class RunResult:
     """Everything about a run that is not a field.
@@ -147,11 +149,15 @@ class RunResult:
         checks: interpenetration, gap along contact, imbalance of the reactions and the regulariser's part of the
             medium's energy at the last converged step, see :class:`tmc_vem.report.contact.ContactReport`.
         units: of the columns of the history that have one; in terms of length and force if the problem declares none.
-        warnings: what is doubtful about the result, in sentences; see :mod:`tmc_vem.plausibility`.
+        errors, warnings: what is wrong or doubtful about the result, in sentences, the weightiest first; see
+            :mod:`tmc_vem.plausibility`. Run directories from before they were told apart have warnings only.
         parallel: ranks, linear solver, imbalance and peak memory, see :func:`tmc_vem.balance.balance`.
         seconds: wall time by phase.
         history: the load steps.
         directory: where the run was written, or None.
+        cut_short: a limit on work has ended the run, so that it can be resumed.
+        unfinished: 'running', 'interrupted' or 'unknown' for a run that has no result yet, or never will. Its sizes are
+            0 where they are not known.
     """
 
     inputs: Mapping[str, Any]
@@ -169,8 +175,16 @@ class RunResult:
     directory: Path | None = None
     checks: Mapping[str, Any] = field(default_factory=dict)
     parallel: Mapping[str, Any] = field(default_factory=dict)
+    errors: Sequence[str] = ()
     warnings: Sequence[str] = ()
     units: Mapping[str, str] = field(default_factory=dict)
+    cut_short: bool = False
+    unfinished: str = ""
+
+    @property
+    def state(self) -> str:
+        """'complete', 'stopped' before the end of the path, 'running', 'interrupted', or 'unknown'."""
+        return self.unfinished or ("complete" if self.complete else "stopped")
 
     @property
     def last(self) -> StepRecord | None:
@@ -231,7 +245,9 @@ class RunResult:
         return {
             "schema": SCHEMA,
             "complete": self.complete,
+            "state": self.state,
             "reason": self.reason,
+            "cut_short": self.cut_short,
             "load": self.load,
             "displacement": last.displacement if last else 0.0,
             "gap": self.gap,
@@ -249,6 +265,7 @@ class RunResult:
             "projection_degrees": dict(self.projection_degrees),
             "checks": dict(self.checks),
             "parallel": dict(self.parallel),
+            "errors": list(self.errors),
             "warnings": list(self.warnings),
             "seconds": dict(self.seconds),
             "inputs": dict(self.inputs),
@@ -257,34 +274,105 @@ class RunResult:
 
     def to_json(self) -> str:
         """Text of result.json; a value that is not a number becomes null."""
-        return json.dumps(_finite(self.as_dict()), indent=2, allow_nan=False) + "\n"
+        return json.dumps(finite(self.as_dict()), indent=2, allow_nan=False) + "\n"
 
     @staticmethod
     def read(directory: str | Path) -> RunResult:
-        """Result of a run directory.
+        """Result of a run directory, or what there is of a run that goes on or was interrupted.
 
         Raises:
             InputError: it is not one, or its schema is not one that this version reads.
         """
         path = Path(directory)
         try:
-            data = json.loads((path / RESULT).read_text())
-            _check_schema(path, data)
-            plain = {heading(name, unit): name for name, unit in data.get("units", {}).items()}
-            with (path / HISTORY).open(newline="") as file:
-                rows = [{plain.get(key, key): value for key, value in row.items()} for row in csv.DictReader(file)]
-            history = [StepRecord.from_row(row) for row in rows]
+            data, has_result = _result_of(path)
+            columns = {heading(name, unit): name for name, unit in data.get("units", {}).items()}
+            history = _history(path, columns, whole=has_result)
+            if has_result and len(history) != data["steps"]:
+                raise ValueError(f"{HISTORY} has {len(history)} of {data['steps']} steps")
+            if not has_result:
+                data |= _totals(history)
             names = ("inputs", "versions", "complete", "reason", "load", "n_cells", "n_dofs", "newton_iterations",
                      "cut_backs", "projection_degrees", "seconds")  # fmt: skip
-            optional = ("checks", "parallel", "warnings", "units")  # not in the first runs
+            # not in the first runs
+            optional = ("checks", "parallel", "errors", "warnings", "units", "cut_short", "unfinished")
             later = {name: data[name] for name in optional if name in data}
+            _check_types({name: data[name] for name in (*names, *later)})
             return RunResult(**{name: data[name] for name in names}, history=history, directory=path, **later)
         except OSError as error:
             raise InputError(f"{path} is not a run directory: {error.strerror} ({error.filename})") from None
         except KeyError as error:
             raise InputError(f"{path} is not a readable run directory: {error} is missing; run it again") from None
-        except (ValueError, TypeError) as error:
+        except (ValueError, TypeError, AttributeError, RecursionError, csv.Error) as error:
             raise InputError(f"{path} is not a readable run directory: {error}") from None
+
+
+def _result_of(path: Path) -> tuple[dict[str, Any], bool]:
+    """What result.json says, or else what is known of the run; and whether there is a result."""
+    try:
+        text = (path / RESULT).read_text()
+    except FileNotFoundError as missing:
+        try:
+            return unfinished(path), False
+        except FileNotFoundError:
+            raise missing from None
+    data = json.loads(text)
+    _check_schema(path, data)
+    return data, True
+
+
+def _history(path: Path, columns: Mapping[str, str], *, whole: bool) -> list[StepRecord]:
+    """The steps of history.csv; of a run without a result, without the row that was being written when it ended.
+
+    Args:
+        path: run directory.
+        columns: names by headings with units.
+        whole: every row must be.
+    """
+    try:
+        text = (path / HISTORY).read_text()
+    except FileNotFoundError:
+        return []  # no step has converged
+    if not whole:
+        text = text[: text.rfind("\n") + 1]
+    rows = [{columns.get(key, key): value for key, value in row.items()} for row in csv.DictReader(io.StringIO(text))]
+    return [StepRecord.from_row(row) for row in rows]
+
+
+def _totals(history: Sequence[StepRecord]) -> dict[str, Any]:
+    """What the steps so far say about the run."""
+    last = history[-1] if history else None
+    return {
+        "load": last.load if last else 0.0,
+        "newton_iterations": sum(record.iterations + record.wasted_iterations for record in history),
+        "cut_backs": sum(record.cut_backs for record in history),
+        "seconds": {"total": last.seconds if last else 0.0},
+    }
+
+
+def _check_types(data: Mapping[str, Any]) -> None:
+    """Check the values of a result that was edited or damaged.
+
+    Raises:
+        TypeError: one has the wrong type.
+    """
+    kinds: dict[str, type | tuple[type, ...]] = {
+        **dict.fromkeys(("inputs", "versions", "projection_degrees", "seconds", "checks", "parallel", "units"), dict),
+        **dict.fromkeys(("errors", "warnings"), list),
+        **dict.fromkeys(("complete", "cut_short"), bool),
+        **dict.fromkeys(("reason", "unfinished"), str),
+        **dict.fromkeys(("n_cells", "n_dofs", "newton_iterations", "cut_backs"), int),
+        "load": (int, float),
+    }
+    for name, value in data.items():
+        if not isinstance(value, kinds[name]):
+            raise TypeError(f"{name} = {shown(value)} has the wrong type")
+    for name in ("errors", "warnings"):
+        if not all(isinstance(text, str) for text in data.get(name, ())):
+            raise TypeError(f"{name} = {shown(data[name])} are no sentences")
+    times = data["seconds"]
+    if not all(isinstance(value, (int, float)) for value in (times.get("total"), *times.values())):
+        raise TypeError(f"seconds = {shown(times)} are no times, with a total")
 
 
 def heading(name: str, unit: str) -> str:
@@ -309,97 +397,12 @@ def _check_schema(path: Path, data: Any) -> None:
         raise InputError(f"{path} was written by an old version (schema {schema}, read from {OLDEST} on): run it again")
 
 
-class RunDirectory:
-    """Writes a run; files appear whole or not at all, except history.csv, which grows by a row a step.
-
-    Args:
-        path: where to write.
-        overwrite: replace an earlier run there.
-
-    Raises:
-        InputError: the path is a file, cannot be written, or has something in it that must not be replaced.
-    """
-
-    def __init__(self, path: str | Path, *, overwrite: bool = False) -> None:
-        self.path = Path(path)
-        self._check(overwrite)
-
-    def _check(self, overwrite: bool) -> None:
-        path = self.path
-        if path.exists() and not path.is_dir():
-            raise InputError(f"output directory {path} is a file: choose another name")
-        if path.is_dir() and any(entry.name != LOCK for entry in path.iterdir()):
-            if not any((path / name).exists() for name in (RESULT, HISTORY, COMMAND)):
-                raise InputError(f"output directory {path} has other things in it: choose an empty or new one")
-            if not overwrite:
-                raise InputError(f"output directory {path} has a run in it: choose another, or say --overwrite")
-        parent = next(p for p in (path, *path.absolute().parents) if p.exists())
-        if not parent.is_dir():
-            raise InputError(f"output directory {path} cannot be made: {parent} is a file")
-        if not os.access(parent, os.W_OK):
-            raise InputError(f"output directory {path} cannot be written: no permission in {parent}")
-
-    def start(self, command: Mapping[str, Any] | None = None) -> None:
-        """Make the directory, without what an earlier run left.
-
-        Args:
-            command: what the command line was asked, for a later ``tmc-vem resume``.
-        """
-        self.path.mkdir(parents=True, exist_ok=True)
-        remove_unfinished(self.path)
-        for name in _OWN:
-            target = self.path / name
-            if target.is_dir():
-                shutil.rmtree(target)
-            else:
-                target.unlink(missing_ok=True)
-        for part in self.path.glob("checkpoint-part-*.npz"):
-            part.unlink()
-        (self.path / FIELDS).mkdir()
-        if command is not None:
-            write_atomically(self.path / COMMAND, json.dumps(command, indent=2) + "\n")
-
-    def add_step(self, record: StepRecord, units: Mapping[str, str] | None = None) -> None:
-        """Append a row to history.csv.
-
-        Args:
-            record: the step.
-            units: of columns, for their headings.
-        """
-        row = _headed(record, units)
-        path = self.path / HISTORY
-        new = not path.exists()
-        with path.open("a", newline="") as file:
-            writer = csv.DictWriter(file, fieldnames=list(row))
-            if new:
-                writer.writeheader()
-            writer.writerow(row)
-
-    def rewrite_history(self, records: Sequence[StepRecord], units: Mapping[str, str] | None = None) -> None:
-        """Write history.csv anew, without the steps after a checkpoint, and remove what was left half written."""
-        remove_unfinished(self.path)
-        rows = [_headed(record, units) for record in records]
-        text = io.StringIO()
-        columns = dict.fromkeys(name for row in rows for name in row)  # parameters may have come in later
-        writer = csv.DictWriter(text, fieldnames=list(columns) or ["step"], restval="")
-        writer.writeheader()
-        writer.writerows(rows)
-        write_atomically(self.path / HISTORY, text.getvalue())
-
-    def write_result(self, result: RunResult) -> None:
-        """Write result.json."""
-        write_atomically(self.path / RESULT, result.to_json())
-
-
-def _headed(record: StepRecord, units: Mapping[str, str] | None) -> dict[str, Any]:
-    return {heading(name, (units or {}).get(name, "")): value for name, value in record.as_row().items()}
-
-
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
+    """A value for JSON files, which know no infinity and no number that is none: those become null."""
     if isinstance(value, float) and not math.isfinite(value):
         return None
     if isinstance(value, Mapping):
-        return {key: _finite(entry) for key, entry in value.items()}
+        return {key: finite(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite(entry) for entry in value]
+        return [finite(entry) for entry in value]
     return value

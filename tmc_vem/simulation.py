@@ -14,9 +14,11 @@ from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.monitor import Monitor
 from tmc_vem.parallel import on_every_rank, on_root
 from tmc_vem.problems.base import Problem, RegionEnergy
-from tmc_vem.results import RunDirectory, RunResult
+from tmc_vem.results import RunResult
+from tmc_vem.run_directory import RunDirectory
 from tmc_vem.solve.path import Control, ControlPath
 from tmc_vem.timing import Timer
+from tmc_vem.unfinished import how_to_go_on
 from tmc_vem.validation import check_fields, require_choice, require_finite, require_known, require_positive
 from tmc_vem.vem.element import ElementSettings
 
@@ -130,9 +132,9 @@ def run(
     from mpi4py import MPI
 
     from tmc_vem.gauge import Gauge
-    from tmc_vem.interrupt import stop_requests
-    from tmc_vem.lock import DirectoryLock
+    from tmc_vem.interrupt import Interrupted, stop_requests
     from tmc_vem.overlap import OverlapWatch
+    from tmc_vem.plausibility import WARNING, Finding
     from tmc_vem.problems.examine import examine, known_cause
     from tmc_vem.recorder import Recorder
     from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
@@ -155,7 +157,7 @@ def run(
         raise InputError("there is nothing to resume without a run directory")
 
     directory: RunDirectory | None = None
-    lock: DirectoryLock | None = None
+    lock = None
     with timer("set-up"):
         if out is not None:
             directory = comm.bcast(on_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume)))
@@ -171,8 +173,7 @@ def run(
         )  # fmt: skip
         solver = NewtonSolver(system, timer=timer, solver=options.solver, admission=watch)
     if directory is not None:
-        directory.path.mkdir(parents=True, exist_ok=True)
-        lock = on_root(comm, lambda: DirectoryLock(directory.path))
+        lock = on_root(comm, directory.lock)
     try:
         with timer("set-up"):
             if directory is not None and comm.rank == 0 and not resume:
@@ -183,12 +184,12 @@ def run(
                 options.checkpoint_every, monitor, timer, watch,
             )  # fmt: skip
             if directory is not None and lock is not None and not lock.held:
-                recorder.warnings.append(
-                    f"the file system of {directory.path} has no locks: only one run may write there"
-                )
-            recorder.warnings += hints
+                text = f"the file system of {directory.path} has no locks: only one run may write there"
+                recorder.findings.append(Finding(WARNING, text))
+            recorder.findings += [Finding(WARNING, text) for text in hints]
             u = system.create_vector()
             states, position = recorder.restore(u) if resume else (None, None)
+            recorder.begin(locked=lock is not None and lock.held)
         monitor.end = path.end
         monitor.started(problem, system.n_cells_global, system.n_dofs)
         monitor.warned(hints)
@@ -216,12 +217,25 @@ def run(
                 monitor.aborted()
                 raise
         linear = {"solver": options.solver, "linear_iterations": solver.linear_iterations}
-        result = recorder.finish(outcome, u, solver.residual, linear)
+        result = recorder.finish(outcome, u, solver.residual, linear, cut_short=budget.used_up)
+    except Interrupted as stop:
+        how = how_to_go_on(directory.path) if directory is not None else ""
+        _end_early(directory, comm, stop)
+        raise Interrupted(stop.number, how) from None
+    except BaseException as error:
+        _end_early(directory, comm, error)
+        raise
     finally:
         if lock is not None:
             lock.release()
     monitor.finished(result)
     return result
+
+
+def _end_early(directory: RunDirectory | None, comm: Any, error: BaseException) -> None:
+    """Say in the run directory why there will be no result."""
+    if directory is not None and comm.rank == 0:
+        directory.interrupted(str(error) or type(error).__name__)
 
 
 def control_path(problem: Problem, options: RunOptions) -> ControlPath:

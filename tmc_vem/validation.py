@@ -22,10 +22,14 @@ T = TypeVar("T")
 LONGEST = 60  # characters of a value that are shown in a message
 
 
+def printable(text: str) -> str:
+    """A text in one line; line breaks and what is no printable character as Python writes them."""
+    return "".join(ch if ch.isprintable() else repr(ch)[1:-1] for ch in text)
+
+
 def shown(value: Any) -> str:
     """A value as messages show it: short, and in one line."""
-    text = f"{value:g}" if isinstance(value, float) else repr(value)
-    text = "".join(ch if ch.isprintable() else repr(ch)[1:-1] for ch in text)
+    text = printable(f"{value:g}" if isinstance(value, float) else repr(value))
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
 
 

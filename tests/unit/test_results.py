@@ -12,7 +12,8 @@ from tmc_vem import Box, Medium, RunOptions, run
 from tmc_vem.errors import InputError
 from tmc_vem.fields import Fields, Polygons
 from tmc_vem.report.snapshots import read_fields, snapshots
-from tmc_vem.results import RunDirectory, RunResult
+from tmc_vem.results import RunResult
+from tmc_vem.run_directory import RunDirectory
 from tmc_vem.timing import Timer
 
 

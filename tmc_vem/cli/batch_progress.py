@@ -29,7 +29,8 @@ class BatchMonitor(Observer):
         self.console.print(f"{n_jobs} runs{found}", highlight=False)
         if self.console.is_terminal and n_reused < n_jobs:
             self._progress = Progress(
-                BarColumn(bar_width=30), TextColumn("{task.percentage:3.0f} %"), TextColumn("{task.fields[state]}"),
+                BarColumn(bar_width=30), TextColumn("{task.percentage:3.0f} %"),
+                TextColumn("{task.fields[state]}", markup=False),
                 TimeElapsedColumn(), console=self.console, transient=True,
             )  # fmt: skip
             self._task = self._progress.add_task("runs", total=1.0, state="")

@@ -10,11 +10,13 @@ from pathlib import Path
 import click
 
 from tmc_vem.errors import InputError
+from tmc_vem.results import RunResult
+from tmc_vem.validation import printable
 
 # longer values make no column
 WIDEST = 24
 # columns that a narrow terminal keeps, and the order in which others are kept; one that is not named comes last
-RESULTS = ("load", "gap", "reaction")
+RESULTS = ("load", "gap", "reaction", "doubts")
 IMPORTANT = (
     *RESULTS, "problem", "method", "cells", "gamma", "alpha_r", "regulariser", "uy", "iterations", "time (s)", "dofs",
 )  # fmt: skip
@@ -37,14 +39,15 @@ def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from tmc_vem.cli.tables import plain
     from tmc_vem.report.overview import find_runs
-    from tmc_vem.report.tables import differing, number, reached, runs_csv
+    from tmc_vem.report.tables import count, differing, number, reached, runs_csv
 
     if as_json and as_csv:
         raise InputError("--json and --csv: choose one")
     runs, unreadable = find_runs(directory)
     for message in unreadable:
-        click.echo(f"tmc-vem: {message}", err=True)
+        click.echo(f"tmc-vem: {printable(message)}", err=True)
     if as_json:
         click.echo(json.dumps({name: json.loads(run.to_json()) for name, run in runs.items()}, indent=2))
         return
@@ -57,11 +60,13 @@ def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
     differ, values = differing(runs)
     columns = [Column(name, [row[n] for row in values.values()]) for n, name in enumerate(differ)]
     columns = [c for c in columns if "–" not in c.cells and max(map(len, c.cells)) <= WIDEST]
+    doubts = [_doubts(run) for run in runs.values()]
     columns += [
         Column("load", [reached(run) for run in runs.values()]),
         Column("gap", [number(run.gap, 5) for run in runs.values()]),
         Column("reaction", [number(run.reaction, 5) for run in runs.values()]),
-        Column("dofs", [str(run.n_dofs) for run in runs.values()]),
+        *([Column("doubts", doubts)] if any(doubts) else []),
+        Column("dofs", [count(run.n_dofs) for run in runs.values()]),
         Column("iterations", [str(run.newton_iterations) for run in runs.values()]),
         Column("time (s)", [f"{run.seconds['total']:.1f}" for run in runs.values()]),
     ]
@@ -69,14 +74,20 @@ def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
     first = Column("run", list(runs))
     shown = columns if not console.is_terminal else fitting(columns, console.width - first.width)
     table = Table(box=SIMPLE, pad_edge=False)
-    table.add_column(first.heading, overflow="fold")
+    table.add_column(plain(first.heading), overflow="fold")
     for column in shown:
-        table.add_column(column.heading, no_wrap=True)
+        table.add_column(plain(column.heading), no_wrap=True)
     for row in zip(first.cells, *(column.cells for column in shown), strict=True):
-        table.add_row(*row)
+        table.add_row(*map(plain, row))
     (console if console.is_terminal else Console(width=WHOLE)).print(table)
     if left_out := [column.heading for column in columns if column not in shown]:
         click.echo(f"not shown, the terminal is too narrow: {', '.join(left_out)}; --csv has all")
+
+
+def _doubts(run: RunResult) -> str:
+    """How many errors and warnings a result has; nothing for none."""
+    counts = ((len(run.errors), "error"), (len(run.warnings), "warning"))
+    return ", ".join(f"{n} {word}{'' if n == 1 else 's'}" for n, word in counts if n)
 
 
 @dataclass(frozen=True)

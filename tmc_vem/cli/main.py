@@ -99,23 +99,33 @@ def _run(arguments: list[str] | None) -> int:
         return _report("interrupted", 130)
     except BrokenPipeError:
         return 1
+    except OSError as error:  # a full disk, no permission: where it is said better, it has been
+        if _ranks() > 1:
+            _abort_all()
+        where = f"{error.filename}: " if error.filename else ""
+        return _report(f"{where}{error.strerror or error}", 1)
     except Exception:
-        if _ranks() > 1:  # the other ranks would wait for this one for ever
-            import traceback
-
-            from mpi4py import MPI
-
-            traceback.print_exc()
-            sys.stderr.flush()
-            MPI.COMM_WORLD.Abort(1)
+        if _ranks() > 1:
+            _abort_all()
         raise
+
+
+def _abort_all() -> None:
+    """Print the error and end all ranks: the others would wait for this one for ever."""
+    import traceback
+
+    from mpi4py import MPI
+
+    traceback.print_exc()
+    sys.stderr.flush()
+    MPI.COMM_WORLD.Abort(1)
 
 
 def _report(message: str, code: int) -> int:
     if _rank() == 0:
-        # what a user typed may hold line breaks and worse
-        line = "".join(ch if ch.isprintable() else repr(ch)[1:-1] for ch in message)
-        click.echo(f"tmc-vem: {line}", err=True)
+        from tmc_vem.validation import printable
+
+        click.echo(f"tmc-vem: {printable(message)}", err=True)  # what a user typed may hold line breaks and worse
     return code
 
 

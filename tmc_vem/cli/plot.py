@@ -1,4 +1,4 @@
-"""``tmc-vem plot`` and ``tmc-vem animate``: figures of a run that is done."""
+"""``tmc-vem plot`` and ``tmc-vem animate``: figures of a run, whether it is done, goes on or was interrupted."""
 
 from __future__ import annotations
 
@@ -31,7 +31,11 @@ def plot(run_dir: Path, out: Path | None, quantity: str, n_states: int) -> None:
 
     result = RunResult.read(run_dir)
     page = run_page(result, quantity=quantity, n_states=n_states)
-    report = write_page(page, out or run_dir / "plots", "run")
+    try:
+        report = write_page(page, out or run_dir / "plots", "run")
+    except OSError as error:
+        where = error.filename or out or run_dir
+        raise InputError(f"{where} cannot be written: {error.strerror or error}; --out names another place") from None
     for picture in page.pictures:
         click.echo(str(report.parent / "figures" / f"{picture.name}.png"))
     click.echo(str(report))
@@ -63,7 +67,7 @@ def animate(run_dir: Path, out: Path | None, quantity: str, seconds: float) -> N
         raise InputError(f"{target}: animations are written as .gif")
     states = states_of(RunResult.read(run_dir))
     if not states:
-        raise InputError(f"{run_dir} has no fields: run again with --snapshots 10")
+        raise InputError(f"{run_dir} has no fields yet")
     try:
         write_animation(states, target, quantity=quantity, seconds_each=seconds)
     except OSError as error:

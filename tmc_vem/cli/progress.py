@@ -8,12 +8,13 @@ from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 from rich.text import Text
 
+from tmc_vem.cli.tables import names_and_values, plain
 from tmc_vem.monitor import Monitor
 from tmc_vem.probes import GAP
 from tmc_vem.problems.base import Problem
+from tmc_vem.report.tables import reached
 from tmc_vem.results import RunResult, StepRecord
 
 SILENCE = 20.0  # seconds without a line
@@ -33,11 +34,13 @@ class ConsoleMonitor(Monitor):
 
     def started(self, problem: Problem, n_cells: int, n_dofs: int) -> None:
         """Print what is solved and show the bar."""
-        self.console.print(f"[bold]{problem.name}[/]: {n_cells} cells, {n_dofs} degrees of freedom")
+        size = f": {n_cells} cells, {n_dofs} degrees of freedom"
+        self.console.print(Text.assemble(plain(problem.name, "bold"), size), highlight=False, soft_wrap=True)
         if self.console.is_terminal:
             self._progress = Progress(
                 TextColumn("load"), BarColumn(bar_width=30), TextColumn("{task.percentage:5.1f} %"),
-                TextColumn("{task.fields[state]}"), TimeElapsedColumn(), console=self.console, transient=True,
+                TextColumn("{task.fields[state]}", markup=False),
+                TimeElapsedColumn(), console=self.console, transient=True,
             )  # fmt: skip
             self._task = self._progress.add_task("load", total=self.end, state="")
             self._progress.start()
@@ -78,14 +81,10 @@ class ConsoleMonitor(Monitor):
 
 
 def print_summary(result: RunResult) -> None:
-    """Print a table of the results on stdout."""
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_column(style="bold")
-    table.add_column(justify="left")
-    for name, value in summary_rows(result):
-        table.add_row(name, value)
+    """Print a table of the results on stdout, what is wrong with them last and in colour."""
+    table = names_and_values(summary_rows(result), {"ERROR": "red", "warning": "yellow"})
     # mpirun gives each rank a terminal of its own, whatever its output goes to
-    Console(force_terminal=False if result.parallel.get("ranks", 1) > 1 else None).print(table)
+    Console(force_terminal=False if result.parallel.get("ranks", 1) > 1 else None).print(table, highlight=False)
 
 
 def summary_rows(result: RunResult) -> list[tuple[str, str]]:
@@ -95,7 +94,7 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
         return f"{value} {result.unit(column)}".rstrip()
 
     medium = result.inputs.get("medium", {})
-    rows = [("load reached", "full load" if result.complete else f"{result.load:.4g} of the load")]
+    rows = [("load reached", reached(result))]
     last = result.last
     if last:
         gap = {} if last.gap is None else {GAP: last.gap}
@@ -130,7 +129,7 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
     seconds = dict(result.seconds)
     total = seconds.pop("total")
     rows.append(("time", f"{total:.2f} s ({', '.join(f'{phase} {value:.2f}' for phase, value in seconds.items())})"))
-    rows += [("warning", text) for text in result.warnings]
     if result.directory:
         rows.append(("written to", str(result.directory)))
-    return rows
+    rows += [("ERROR", text) for text in result.errors]
+    return rows + [("warning", text) for text in result.warnings]

@@ -10,7 +10,8 @@ import click
 
 from tmc_vem.cli.run import RESUME, run_group
 from tmc_vem.errors import InputError
-from tmc_vem.results import COMMAND
+from tmc_vem.lock import is_held
+from tmc_vem.unfinished import COMMAND, how_to_go_on
 
 
 @click.command("resume")
@@ -37,6 +38,13 @@ def resume(
       mpirun -n 2 tmc-vem resume runs/box
     """
     name, parameters = read_command(directory)
+    if is_held(directory):
+        raise InputError(f"the run in {directory} goes on: there is nothing to resume")
+    if not how_to_go_on(directory):
+        raise InputError(
+            f"{directory} has no checkpoint to go on from: run it again with --overwrite, and for the next time with "
+            "checkpoints (--checkpoint-every 1 writes one after every load step)"
+        )
     command = run_group.get_command(ctx, name)
     if command is None or command.callback is None:
         raise InputError(f"{directory / COMMAND} asks for the problem '{name}', which does not exist")

@@ -321,7 +321,9 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
     from tmc_vem.cli.progress import ConsoleMonitor, print_summary
     from tmc_vem.errors import ConvergenceError
     from tmc_vem.monitor import Monitor
+    from tmc_vem.report.tables import stopped
     from tmc_vem.simulation import run
+    from tmc_vem.unfinished import how_to_go_on
 
     silent = options["quiet"] or options["as_json"]
     on_root = MPI.COMM_WORLD.rank == 0
@@ -341,10 +343,9 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
         elif not options["quiet"]:
             print_summary(result)
     if not result.complete:
-        kept = f"; steps up to there are in {result.directory}" if result.directory else ""
-        if settings.max_iterations or settings.max_seconds:
-            kept += f"; 'tmc-vem resume {result.directory}' goes on" if result.directory else ""
-        raise ConvergenceError(f"stopped at {result.load:.4g} of the load: {result.reason}{kept}")
+        kept = f"; steps up to there are in {result.directory}" if result.directory and result.history else ""
+        how = how_to_go_on(result.directory) if result.directory and result.cut_short else ""
+        raise ConvergenceError(f"{stopped(result)}{kept}{'; ' if how else ''}{how}")
 
 
 def _asked(context: click.Context) -> dict[str, Any]:

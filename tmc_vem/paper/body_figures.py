@@ -12,7 +12,7 @@ from tmc_vem.problems import Bodies, CBox, Punch
 from tmc_vem.problems.base import Problem
 from tmc_vem.problems.cbox import angle_medium
 from tmc_vem.report import cautions, plots
-from tmc_vem.report.page import Block, Section, Table, Text, Warnings, picture
+from tmc_vem.report.page import Block, Section, Table, Text, picture
 from tmc_vem.report.panels import draw_panels
 from tmc_vem.report.problem_figure import draw_meshes, draw_problem
 from tmc_vem.report.snapshots import nearest, read_fields, snapshots
@@ -63,7 +63,7 @@ class StateFigure:
                 moved = chosen.load * (run.last.displacement / run.last.load if run.last else 0.0)
                 title = f"{label}, $u_y$ = {moved:.3g}" if len(problems) > 1 else f"$u_y$ = {moved:.3g}"
                 panels.append((title, read_fields(run, chosen)))
-        blocks: list[Block] = [Text(self.note), *([Warnings(overlaps)] if overlaps else [])]
+        blocks: list[Block] = [Text(self.note), *([cautions.listed(overlaps)] if overlaps else [])]
         if panels:
             figure = draw_panels(panels)
             blocks.insert(0, picture(figure, f"fig{self.number}", self.caption, inline="png"))

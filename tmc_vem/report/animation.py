@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from tmc_vem.errors import InputError
 from tmc_vem.fields import Fields
 from tmc_vem.report.panels import bounds, colour_scale, draw_panels, draw_state
 from tmc_vem.report.snapshots import read_fields, record_of, snapshots
+from tmc_vem.report.tables import stopped
 from tmc_vem.results import RunResult
 
 State = tuple[str, Fields]
@@ -22,6 +24,8 @@ def states_of(result: RunResult) -> list[State]:
     Raises:
         InputError: the run has no fields.
     """
+    if not result.history:
+        raise InputError(f"{result.directory} has no load step to show: {stopped(result)}")
     found = []
     for snapshot in snapshots(result):
         record = record_of(result, snapshot)

@@ -125,9 +125,11 @@ def ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
     unit = 10.0 ** np.floor(np.log10(rough))
     step = unit * next(step for step in STEPS if step * unit >= rough * (1.0 - 1e-9))
     values = step * np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) + 0.0
-    decimals = next(n for n in range(20) if np.isclose(round(step, n), step, rtol=1e-9)) if step > 1e-15 else 20
-    plain = decimals <= 5 and np.abs(values).max(initial=0.0) < 1e6
-    labels = [f"{value:.{decimals}f}" if plain else f"{value:.4g}" for value in values]
+    most_digits, largest = 20, float(np.abs(values).max(initial=step))
+    decimals = next((n for n in range(most_digits) if abs(round(step, n) - step) <= 1e-9 * step), most_digits)
+    plain = decimals <= 5 and largest < 1e6
+    digits = int(np.clip(np.ceil(np.log10(largest / step)) + 2.0, 4, most_digits))
+    labels = [f"{value:.{decimals}f}" if plain else f"{value:.{digits}g}" for value in values]
     return [(float(value), label.replace("-", "\N{MINUS SIGN}")) for value, label in zip(values, labels, strict=True)]
 
 

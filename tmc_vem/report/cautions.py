@@ -1,29 +1,52 @@
-"""What a reader must be warned about: runs that stopped or warn themselves, solids that overlap, mixed versions."""
+"""What a reader must be told about: runs that stopped or warn themselves, solids that overlap, mixed versions."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
 
 from tmc_vem.errors import InputError
+from tmc_vem.fields import is_medium
+from tmc_vem.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of, overlap
 from tmc_vem.report.contact import check_contact
+from tmc_vem.report.page import Warnings
 from tmc_vem.report.snapshots import read_fields, snapshots
-from tmc_vem.report.tables import reached
+from tmc_vem.report.tables import stopped
 from tmc_vem.results import RunResult
+from tmc_vem.unfinished import RUNNING, how_to_go_on
 
-ROUNDING = 1e-6  # of the domain's size: overlaps below this are not worth a warning
+
+def listed(findings: Iterable[Finding]) -> Warnings:
+    """The findings as they stand in a report, errors first."""
+    ordered = by_weight(findings)
+    return Warnings(
+        [finding.text for finding in ordered if finding.severity != ERROR],
+        [finding.text for finding in ordered if finding.severity == ERROR],
+    )
 
 
-def of_runs(runs: Mapping[str, RunResult]) -> list[str]:
-    """Warnings from the results alone; the same sentence about several runs is said once."""
-    said: dict[str, list[str]] = {}
+def of_failures(messages: Sequence[str]) -> list[Finding]:
+    """Jobs that gave no result."""
+    return [Finding(ERROR, message) for message in messages]
+
+
+def of_runs(runs: Mapping[str, RunResult]) -> list[Finding]:
+    """What the results alone say; the same sentence about several runs is said once."""
+    said: dict[Finding, list[str]] = {}
     for name, run in runs.items():
-        found = list(run.warnings)
+        found = [Finding(ERROR, text) for text in run.errors] + [Finding(WARNING, text) for text in run.warnings]
+        if run.unfinished:
+            media = [region for region in run.min_j if is_medium(region)]
+            found += findings_of(Evidence(run.inputs, run.history, {}, media, 0.0, complete=False))
         if not run.complete:
-            found.insert(0, f"{reached(run)} of the load: {run.reason}")
-        for sentence in found:
-            said.setdefault(sentence, []).append(name)
-    messages = [f"{_some(names)}: {sentence}" for sentence, names in said.items()]
-    return messages + _mixed(runs.values())
+            how = how_to_go_on(run.directory) if run.cut_short and run.directory is not None else ""
+            text = f"{stopped(run)}; {how}" if how else stopped(run)
+            found.insert(0, Finding(WARNING if run.unfinished == RUNNING else ERROR, text))
+        for finding in found:
+            said.setdefault(finding, []).append(name)
+    findings = [Finding(finding.severity, f"{_some(names)}: {finding.text}") for finding, names in said.items()]
+    return findings + _mixed(runs.values())
 
 
 def _some(names: list[str]) -> str:
@@ -31,25 +54,28 @@ def _some(names: list[str]) -> str:
     return ", ".join(names) if len(names) <= 3 else f"{', '.join(names[:2])} and {len(names) - 2} others"
 
 
-def _mixed(runs: Iterable[RunResult]) -> list[str]:
+def _mixed(runs: Iterable[RunResult]) -> list[Finding]:
     revisions = sorted({str(run.versions.get("revision")) for run in runs} - {"None"})
     if len(revisions) < 2:
         return []
-    return [f"the runs were made by {len(revisions)} revisions of the program: {', '.join(revisions)}"]
+    text = f"the runs were made by {len(revisions)} revisions of the program: {', '.join(revisions)}"
+    return [Finding(WARNING, text)]
 
 
-def of_contact(runs: Mapping[str, RunResult]) -> tuple[list[list[str]], list[str]]:
-    """Rows (run, what the deformed solids look like) of the last written states, and warnings where solids overlap."""
-    rows, messages = [], []
+def of_contact(runs: Mapping[str, RunResult]) -> tuple[list[list[str]], list[Finding]]:
+    """Rows (run, what the deformed solids look like) of the last written states, and where solids overlap."""
+    rows, findings = [], []
     for name, run in runs.items():
         try:
             fields = read_fields(run, snapshots(run)[-1])
         except (InputError, IndexError) as error:
-            messages.append(f"{name} was not checked for interpenetration: {error}")
+            findings.append(Finding(WARNING, f"{name} was not checked for interpenetration: {error}"))
             continue
         contact = check_contact(fields, order=int(run.inputs.get("order", 2)))
         rows.append([name, contact.summary()])
-        told = any(contact.summary() in sentence for sentence in run.warnings)
-        if not told and (contact.penetration_depth > ROUNDING or contact.overlap_area > ROUNDING):
-            messages.append(f"{name}: {contact.summary()}")
-    return rows, messages
+        if any(contact.summary() in sentence for sentence in (*run.errors, *run.warnings)):
+            continue
+        size = float(np.ptp(fields.polygons.points_nx, axis=0).max())
+        seen = Evidence({}, (), {**contact.as_dict(), "summary": contact.summary()}, (), size)
+        findings += [Finding(finding.severity, f"{name}: {finding.text}") for finding in overlap(seen)]
+    return rows, findings

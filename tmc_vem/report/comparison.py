@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 
 from tmc_vem.errors import InputError
 from tmc_vem.fields import Fields, is_medium
+from tmc_vem.plausibility import WARNING, Finding
 from tmc_vem.report import cautions, plots, tables
-from tmc_vem.report.page import Block, Cell, Page, Picture, Section, Table, Text, Warnings, picture
+from tmc_vem.report.page import Block, Cell, Page, Picture, Section, Table, Text, picture
 from tmc_vem.report.panels import draw_panels
 from tmc_vem.report.richardson import Extrapolation
 from tmc_vem.report.snapshots import nearest, read_fields, snapshots
@@ -102,9 +103,10 @@ def comparison_page(comparison: Comparison) -> Page:
     """The report."""
     c = comparison
     contact, overlaps = cautions.of_contact(c.finest)
-    messages = [*c.failures, *cautions.of_runs(c.runs), *overlaps, *_doubts(c)]
+    doubts = [Finding(WARNING, text) for text in _doubts(c)]
+    findings = [*cautions.of_failures(c.failures), *overlaps, *cautions.of_runs(c.runs), *doubts]
     sections = [
-        Section("Result", [*_summary(c), Warnings(messages)]),
+        Section("Result", [*_summary(c), cautions.listed(findings)]),
         Section("Problem", list(c.pictures)),
         Section("Mesh convergence", _convergence(c)),
         Section("Loading", _loading(c)),

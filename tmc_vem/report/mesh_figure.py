@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.report.labels import label
 
 
 def draw_mesh(mesh: PolygonMesh, path: Path, *, numbers: bool = False) -> None:
@@ -33,15 +34,15 @@ def draw_mesh(mesh: PolygonMesh, path: Path, *, numbers: bool = False) -> None:
     line = float(np.clip(60.0 / np.sqrt(mesh.n_cells) / 4.0, 0.05, 0.8))
     faces = [colours(r % 8) for r in mesh.region_c.tolist()]
     axes.add_collection(PolyCollection(loops, facecolors=faces, edgecolors="0.25", linewidths=line))
-    handles = [Patch(facecolor=colours(r % 8), label=name) for r, name in enumerate(mesh.region_names)]
+    handles = [Patch(facecolor=colours(r % 8), label=label(name)) for r, name in enumerate(mesh.region_names)]
     for n, (name, pairs) in enumerate(mesh.named_edges.items()):
         colour = f"C{n}"
-        lines = LineCollection(mesh.points_vx[pairs], colors=colour, linewidths=2.5, label=name)
+        lines = LineCollection(mesh.points_vx[pairs], colors=colour, linewidths=2.5, label=label(name))
         axes.add_collection(lines)
         handles.append(lines)
     for name, vertex in mesh.named_points.items():
         axes.plot(*mesh.points_vx[vertex], "k.", markersize=6)
-        axes.annotate(name, mesh.points_vx[vertex], textcoords="offset points", xytext=(3, 3), fontsize=7)
+        axes.annotate(label(name), mesh.points_vx[vertex], textcoords="offset points", xytext=(3, 3), fontsize=7)
     if numbers:
         for c, loop in enumerate(loops):
             axes.text(*loop.mean(axis=0), str(c), fontsize=5, ha="center", va="center")

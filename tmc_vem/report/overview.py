@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from tmc_vem.errors import InputError
-from tmc_vem.results import RESULT, RunResult
+from tmc_vem.results import MARKS, RunResult
 
 
 def find_runs(directory: Path) -> tuple[dict[str, RunResult], list[str]]:
     """All runs in a directory and below it, by path relative to it, and why others are not readable.
 
+    Runs that go on or were interrupted are among them.
+
     Raises:
-        InputError: there is no such directory.
+        InputError: there is no such directory, or it cannot be read.
     """
     if not directory.is_dir():
         raise InputError(f"{directory} is not a directory")
     runs, unreadable = {}, []
-    for path in sorted(directory.rglob(RESULT)):
+
+    def missed(error: OSError) -> None:
+        if error.filename == str(directory):
+            raise InputError(f"{directory} cannot be read: {error.strerror}")
+        unreadable.append(f"{error.filename} cannot be read: {error.strerror}")
+
+    found = [Path(path) for path, _, names in os.walk(directory, onerror=missed) if not {*MARKS}.isdisjoint(names)]
+    for path in sorted(found):
         try:
-            runs[str(path.parent.relative_to(directory))] = RunResult.read(path.parent)
+            runs[str(path.relative_to(directory))] = RunResult.read(path)
         except InputError as error:
             unreadable.append(str(error))
     return runs, unreadable

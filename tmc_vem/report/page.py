@@ -88,9 +88,10 @@ class Text:
 
 @dataclass(frozen=True)
 class Warnings:
-    """List of things that a reader must know; says so if there are none."""
+    """List of things that a reader must know, errors first; says so if there are none."""
 
     messages: Sequence[str]
+    errors: Sequence[str] = ()
     kind: str = field(default="warnings", init=False)
 
 

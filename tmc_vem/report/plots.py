@@ -10,6 +10,7 @@ import numpy as np
 
 from tmc_vem.fields import is_medium
 from tmc_vem.probes import GAP
+from tmc_vem.report.labels import label
 from tmc_vem.report.page import Picture, picture
 from tmc_vem.report.tables import probes_of, with_unit
 from tmc_vem.results import RunResult, StepRecord
@@ -19,6 +20,7 @@ COLOURS = ("#0b5394", "#c55a11", "#2e7d32", "#7b1fa2", "#5d4037", "#00838f")
 MARKS = "osD^vP"
 MOST_TICKS = 7
 DISPLACEMENT = "prescribed displacement, magnitude"
+LEGEND = 0.09  # height of a legend below the axes, of the figure's
 PANELS = 3  # of probes beside one another
 
 Runs = Mapping[str, RunResult]
@@ -42,14 +44,14 @@ def _style(n: int) -> dict[str, Any]:
     return {"color": COLOURS[n % len(COLOURS)], "linestyle": ("-", "--", "-.", ":")[n % 4], "linewidth": 1.5}
 
 
-def against_load(axes: Any, runs: Runs, value: Callable[[StepRecord], float | None], label: str) -> None:
+def against_load(axes: Any, runs: Runs, value: Callable[[StepRecord], float | None], what: str) -> None:
     """Draw a value of the load steps against the prescribed displacement."""
     for n, (name, run) in enumerate(runs.items()):
         points = [(abs(record.displacement), v) for record in run.history if (v := value(record)) is not None]
         if points:
-            axes.plot(*np.transpose(points), label=name, **_style(n))
-    axes.set_xlabel(with_unit(DISPLACEMENT, runs, "displacement"))
-    axes.set_ylabel(label)
+            axes.plot(*np.transpose(points), label=label(name), **_style(n))
+    axes.set_xlabel(label(with_unit(DISPLACEMENT, runs, "displacement")))
+    axes.set_ylabel(label(what))
 
 
 def gap_and_reaction(runs: Runs) -> Any:
@@ -59,8 +61,8 @@ def gap_and_reaction(runs: Runs) -> Any:
     if has_gap:
         against_load(axes[0], runs, lambda record: record.gap, with_unit("gap", runs, GAP))
         axes[0].set_yscale("log")
-    label = with_unit("reaction, magnitude", runs, "reaction")
-    against_load(axes[-1], runs, lambda record: abs(record.reaction), label)
+    what = with_unit("reaction, magnitude", runs, "reaction")
+    against_load(axes[-1], runs, lambda record: abs(record.reaction), what)
     axes[0].legend(fontsize=8, frameon=False)
     return figure
 
@@ -74,7 +76,7 @@ def probe_pictures(runs: Runs) -> list[Picture]:
         for one, name in zip(axes, some, strict=True):
             against_load(one, runs, _probe(name), with_unit(name, runs, name))
             one.set_xlabel("")
-        figure.supxlabel(with_unit(DISPLACEMENT, runs, "displacement"), fontsize=10)
+        figure.supxlabel(label(with_unit(DISPLACEMENT, runs, "displacement")), fontsize=10)
         if len(runs) > 1:
             axes[0].legend(fontsize=8, frameon=False)
         pictures.append(picture(figure, f"probes-{first // PANELS + 1}", f"{', '.join(some)} during loading."))
@@ -123,15 +125,15 @@ def newton_iterations(runs: Runs) -> Any:
         if failed:
             wasted = [record.wasted_iterations for record in run.history]
             one.bar(steps, wasted, bottom=good, color=COLOURS[1], label="failed attempts before it")
-        one.set_title(f"{name}: {run.newton_iterations} in {run.steps} steps", fontsize=9)
+        one.set_title(label(f"{name}: {run.newton_iterations} in {run.steps} steps"), fontsize=9)
         one.set_xlabel("load step")
         one.xaxis.get_major_locator().set_params(integer=True)
         one.yaxis.get_major_locator().set_params(integer=True)
     axes[0].set_ylabel("Newton iterations")
     if failed:
-        figure.legend(
-            *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False
-        )
+        # below the axes: matplotlib has a name for that place from 3.7 on only
+        figure.get_layout_engine().set(rect=(0.0, LEGEND, 1.0, 1.0 - LEGEND))
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="lower center", ncols=2, fontsize=8, frameon=False)
     return figure
 
 
@@ -147,23 +149,23 @@ def convergence(
             not count for the rate.
     """
     figure, axes = _figure(2)
-    for one, column, label in zip(axes, (0, 1), ("degrees of freedom", "time of the run in s"), strict=True):
+    for one, column, what in zip(axes, (0, 1), ("degrees of freedom", "time of the run in s"), strict=True):
         for n, (name, points) in enumerate(series.items()):
             usable = sorted((p[column], p[2]) for p in points if p[2] > 0.0)
             if not usable:
                 continue
             certain = [point for point in usable if point[1] > floors[name]]
             slope = rate(*np.transpose(certain)) if len(certain) > 1 else None
-            shown = f"{name}, no rate" if slope is None else f"{name}, rate {slope:.1f}"
+            shown = label(f"{name}, no rate" if slope is None else f"{name}, rate {slope:.1f}")
             one.loglog(*np.transpose(usable), marker=MARKS[n % len(MARKS)], markersize=5, label=shown, **_style(n))
         common = len(set(floors.values())) == 1
         for n, (name, floor) in enumerate(floors.items()):
             if floor > 0.0 and not (common and n):
                 which = "uncertainty" if common else f"uncertainty, {name}"
                 colour = "0.5" if common else COLOURS[n % len(COLOURS)]
-                one.axhline(floor, color=colour, linestyle=":", linewidth=1.0, label=which)
+                one.axhline(floor, color=colour, linestyle=":", linewidth=1.0, label=label(which))
         _plain_ticks(one.xaxis)
-        one.set_xlabel(label)
+        one.set_xlabel(what)
         one.set_ylabel(f"relative error of the {quantity}")
         one.legend(fontsize=8, framealpha=0.9, edgecolor="none")
     return figure

@@ -14,6 +14,7 @@ from tmc_vem.fields import is_medium
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.probes import Gap, Place, Probe
 from tmc_vem.report.figures import outline
+from tmc_vem.report.labels import label
 from tmc_vem.report.panels import WIDE
 
 SOLIDS = ("#c9d3dc", "#aebccb", "#dcd2c4")
@@ -39,9 +40,9 @@ def draw_problem(
         Patch(facecolor=SOLIDS[0], edgecolor="black", label="solid"),
         Patch(facecolor=MEDIUM_COLOUR, edgecolor="0.6", label="third medium"),
     ]
-    for label, (marker, offset, where) in _supports(mesh, prescribed).items():
+    for held, (marker, offset, where) in _supports(mesh, prescribed).items():
         axes.plot(*(where + unit * np.array(offset)).T, marker, color=SUPPORT, markersize=6, clip_on=False)
-        handles.append(Line2D([], [], marker=marker, linestyle="", color=SUPPORT, markersize=6, label=label))
+        handles.append(Line2D([], [], marker=marker, linestyle="", color=SUPPORT, markersize=6, label=held))
     for condition in prescribed:
         if condition.value:
             direction = np.eye(2)[condition.component] * math.copysign(1.0, condition.value)
@@ -53,7 +54,7 @@ def draw_problem(
     for n, (name, probe) in enumerate((name, probe) for name, probe in probes.items() if probe.places):
         style = {"marker": "o", "linestyle": "-" if isinstance(probe, Gap) else "", "color": PROBES[n % len(PROBES)]}
         axes.plot(*np.array([_place(mesh, at) for at in probe.places]).T, markersize=4, linewidth=1.2, **style)
-        handles.append(Line2D([], [], label=name, **style))
+        handles.append(Line2D([], [], label=label(name), **style))
     axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=6, fontsize=9, frameon=False)
     axes.set_ylim(points[:, 1].min() - 2 * unit, points[:, 1].max() + 2 * unit)
     axes.set_xlim(points[:, 0].min() - 2 * unit, points[:, 0].max() + 2 * unit)
@@ -71,14 +72,14 @@ def _supports(mesh: PolygonMesh, prescribed: Sequence[Prescribed]) -> dict[str, 
         if not condition.value:
             held.setdefault(condition.where, set()).add(condition.component)
     found: dict[str, tuple[str, tuple[float, float], Any]] = {}
-    for components, label, marker, offset in (
+    for components, what, marker, offset in (
         ({0, 1}, "fixed", "s", (0.0, 0.0)),
         ({0}, "fixed in x", ">", (-0.35, 0.0)),
         ({1}, "fixed in y", "^", (0.0, -0.35)),
     ):
         places = [_some(mesh, where, 12) for where, fixed in held.items() if fixed == components]
         if places:
-            found[label] = (marker, offset, np.concatenate(places))
+            found[what] = (marker, offset, np.concatenate(places))
     return found
 
 
@@ -89,7 +90,7 @@ def draw_meshes(meshes: Sequence[tuple[str, PolygonMesh]]) -> Any:
     for axes, (title, mesh) in zip(panels, meshes, strict=True):
         _fill(axes, mesh, edges=True)
         axes.autoscale_view()
-        axes.set_title(title, fontsize=9)
+        axes.set_title(label(title), fontsize=9)
     return figure
 
 

@@ -41,4 +41,4 @@ def section_markdown(section: Section) -> str:
     """Tables and texts of a section as Markdown, without its heading and pictures."""
     kept = [block for block in section.blocks if isinstance(block, Table | Text)]
     text = to_markdown(Page("", "", [Section(section.title, kept)]))
-    return text.split(f"## {section.title}\n", 1)[1].strip()
+    return text.split("\n## ", 1)[1].partition("\n")[2].strip()

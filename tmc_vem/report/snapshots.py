@@ -39,8 +39,11 @@ def snapshots(result: RunResult) -> list[Snapshot]:
         raise InputError(f"{path} is not readable: {error}") from None
     by_load: dict[float, list[Path]] = {}
     for entry in entries:
-        files = _pieces(path.parent / entry.attrib["file"])
-        by_load.setdefault(float(entry.attrib["timestep"]), []).extend(files)
+        try:
+            load, name = float(entry.attrib["timestep"]), entry.attrib["file"]
+        except (KeyError, ValueError) as error:
+            raise InputError(f"{path} is not readable: {error}") from None
+        by_load.setdefault(load, []).extend(_pieces(path.parent / name))
     return [Snapshot(load, tuple(by_load[load])) for load in sorted(by_load)]
 
 
@@ -84,16 +87,27 @@ def _read(path: Path, region_names: tuple[str, ...]) -> Fields:
     import meshio
 
     try:
-        mesh: Any = meshio.read(path)
-    except (OSError, SystemExit, meshio.ReadError) as error:
-        raise InputError(f"{path} is not readable: {error}") from None
+        return _fields(meshio.vtu.read(path), region_names)  # meshio.read would print, and leave the program
+    except Exception as error:  # what meshio makes of a damaged file is anybody's guess
+        raise InputError(f"{path} is not readable: {error or type(error).__name__}") from None
+
+
+def _fields(mesh: Any, region_names: tuple[str, ...]) -> Fields:
+    """The fields of a file.
+
+    Raises:
+        KeyError, ValueError: it lacks some, or has other regions.
+    """
     sizes = np.concatenate([np.full(len(block.data), block.data.shape[1]) for block in mesh.cells])
     values = {name: np.concatenate(blocks) for name, blocks in mesh.cell_data.items()}
+    region_c = values["region"].astype(np.int64)
+    if not (len(region_c) and region_c.min() >= 0 and region_c.max() < len(region_names)):
+        raise ValueError(f"its regions are not the {len(region_names)} of the history")
     polygons = Polygons(
         points_nx=np.asarray(mesh.points[:, :2], dtype=float),
         offsets=np.concatenate([[0], np.cumsum(sizes)]),
         connectivity=np.concatenate([np.ravel(block.data) for block in mesh.cells]).astype(np.int64),
-        region_c=values["region"].astype(np.int64),
+        region_c=region_c,
         region_names=region_names,
     )
     return Fields(

@@ -7,9 +7,11 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tmc_vem.plausibility import differing_parameters
 from tmc_vem.probes import GAP
 from tmc_vem.report.page import Cell, Table
 from tmc_vem.results import RunResult
+from tmc_vem.unfinished import UNKNOWN
 
 Runs = Mapping[str, RunResult]
 REGULARISER = "energy, regulariser"
@@ -18,6 +20,16 @@ REGULARISER = "energy, regulariser"
 def number(value: float | None, digits: int = 5) -> str:
     """Value for a table; a dash if there is none."""
     return "–" if value is None else f"{value:.{digits - 1}e}"
+
+
+def count(value: int) -> str:
+    """A number of things; a dash if it is not known."""
+    return str(value) if value else "–"
+
+
+def seconds(value: float | None) -> str:
+    """A time for a table; a dash if it is not known."""
+    return "–" if value is None else f"{value:.1f}"
 
 
 def percent(value: float | None, digits: int = 2) -> str:
@@ -31,8 +43,29 @@ def relative(value: float | None, reference: float | None) -> float | None:
 
 
 def reached(result: RunResult) -> str:
-    """How far the load was applied."""
-    return "full load" if result.complete else f"stops at {result.load:.1%}"
+    """How far the load was applied, and with which parameters if they are not those of the problem, in few words."""
+    if result.complete:
+        return "full load" if result.load == 1.0 else f"end of path, load {result.load:.4g}"
+    if result.last is None:
+        return f"{_verb(result)} before its first step"
+    other = "".join(f", {name} {value:.3g}" for name, value, _ in differing_parameters(result.last, result.inputs))
+    return f"{_verb(result)} at {result.load:.4g}{other}"
+
+
+def stopped(result: RunResult) -> str:
+    """Where a run stopped or stands, what is missing there, and why: a sentence without its stop."""
+    if result.last is None:
+        return f"{_verb(result)} before its first step: {result.reason}"
+    other = [
+        f"{name} = {value:.4g}, not yet brought back to {wanted:.4g}"
+        for name, value, wanted in differing_parameters(result.last, result.inputs)
+    ]
+    missing = f" with {' and '.join(other)}" if other else ""
+    return f"{_verb(result)} at {result.load:.4g} of the load{missing}: {result.reason}"
+
+
+def _verb(result: RunResult) -> str:
+    return "unfinished" if result.state == UNKNOWN else result.state
 
 
 def full_gap(result: RunResult | None) -> float | None:
@@ -52,15 +85,15 @@ def effort(runs: Runs) -> Table:
     rows: list[list[str | Cell]] = [
         [
             name,
-            str(run.n_cells),
-            str(run.n_dofs),
+            count(run.n_cells),
+            count(run.n_dofs),
             Cell(reached(run), style="" if run.complete else "bad"),
             str(run.steps),
             str(run.newton_iterations),
             str(run.cut_backs),
             f"{run.seconds['total']:.1f}",
-            f"{run.seconds.get('assembly', 0.0):.1f}",
-            f"{run.seconds.get('linear solve', 0.0):.1f}",
+            seconds(run.seconds.get("assembly")),
+            seconds(run.seconds.get("linear solve")),
         ]
         for name, run in runs.items()
     ]
@@ -143,7 +176,7 @@ def provenance(runs: Runs, command: str) -> list[Table]:
                 known = versions.setdefault(name, [])
                 if str(value) not in known:
                     known.append(str(value))
-    seconds = sum(run.seconds["total"] for run in runs.values())
+    total = sum(run.seconds["total"] for run in runs.values())
     tables = [Table("Runs, and what they differ in.", ("run", "inputs", "time (s)", "run directory"), rows)]
     if shared:
         title = "Parameters of all runs." if len(runs) > 1 else "Parameters."
@@ -156,7 +189,7 @@ def provenance(runs: Runs, command: str) -> list[Table]:
             [
                 ["command", command],
                 *([name, ", ".join(values)] for name, values in versions.items()),
-                ["time of all runs", f"{seconds:.0f} s"],
+                ["time of all runs", f"{total:.0f} s"],
             ],
         ),
     ]
@@ -198,8 +231,8 @@ def runs_csv(runs: Runs) -> str:
     for label, run in runs.items():
         data = run.as_dict()
         row: dict[str, Any] = {"run": label}
-        row |= {name: data[name] for name in ("complete", "load", "gap", "reaction", "n_cells", "n_dofs", "steps",
-                "newton_iterations", "cut_backs", "negative_pivots")}  # fmt: skip
+        row |= {name: data[name] for name in ("complete", "state", "load", "gap", "reaction", "n_cells", "n_dofs",
+                "steps", "newton_iterations", "cut_backs", "negative_pivots")}  # fmt: skip
         for group in ("probes", "min_j", "energy", "seconds", "inputs", "versions"):
             row |= {f"{group}.{name}": value for name, value in _leaves(data[group])}
         row["directory"] = run.directory.name if run.directory else ""

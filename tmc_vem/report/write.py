@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,10 @@ def _render(template: str, page: Page, *, autoescape: bool) -> str:
     return str(text)
 
 
+# what Markdown would read: code, emphasis, links, HTML and formulas; an underscore inside a word means nothing to it
+_MARKS = re.compile(r"[\\`*\[\]<>$|~]|&(?=#?\w+;)|(?<![^\W_])_|_(?![^\W_])")
+
+
 def _markdown(text: str) -> str:
-    """Text for a table's entry, where bars end columns."""
-    return text.replace("|", "\\|").replace("\n", " ")
+    """Text that Markdown shows as it is, in one line; bars would end a table's column."""
+    return _MARKS.sub(r"\\\g<0>", " ".join(text.split("\n")))

@@ -17,12 +17,17 @@ class Budget:
         iterations: most Newton iterations, those of failed attempts included; None for no limit.
         seconds: most wall time; None for no limit.
         comm: communicator whose first rank's clock counts for all.
+
+    Attributes:
+        spent: iterations so far.
+        used_up: whether a limit has ended the work.
     """
 
     def __init__(self, iterations: int | None = None, seconds: float | None = None, comm: Any = None) -> None:
         self._iterations, self._seconds, self._comm = iterations, seconds, comm
         self._begin = time.monotonic()
         self.spent = 0
+        self.used_up = False
 
     def spend(self) -> None:
         """One more iteration has been done; called on all ranks.
@@ -32,10 +37,14 @@ class Budget:
         """
         self.spent += 1
         if self._iterations is not None and self.spent >= self._iterations:
-            raise OutOfBudget(f"the limit of {self._iterations} Newton iterations is used up")
+            self._end(f"{self._iterations} Newton iterations")
         if self._seconds is not None:
             late = time.monotonic() - self._begin >= self._seconds
             if self._comm is not None:
                 late = self._comm.bcast(late)
             if late:
-                raise OutOfBudget(f"the limit of {self._seconds:g} seconds is used up")
+                self._end(f"{self._seconds:g} seconds")
+
+    def _end(self, limit: str) -> None:
+        self.used_up = True
+        raise OutOfBudget(f"the limit of {limit} is used up")
