@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from tmc_vem.energy_balance import energy_balance
+from tmc_vem.report.contact import Overlap
 from tmc_vem.results import StepRecord
 
 ERROR, WARNING = "error", "warning"
@@ -21,7 +23,6 @@ MEDIUM_REACTION = 0.05
 # The medium counts as not yet squeezed while J stays above this in all of it.
 UNSQUEEZED = 0.5
 SMALLEST_SOLID_J, SMALLEST_MEDIUM_J = 0.2, 1e-6
-OVERLAP = 1e-6  # depth relative to the size of the domain, and area relative to its square
 FEW = 4  # loads that are named
 SAME = 1e-9  # relative difference of parameters that are equal
 
@@ -88,10 +89,10 @@ def by_weight(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def overlap(evidence: Evidence) -> Iterable[Finding]:
-    """Solids that overlap by more than rounding."""
-    checks, size = evidence.checks, evidence.size
+    """Solids that overlap by more than is tolerated."""
+    checks = evidence.checks
     depth, area = checks.get("penetration_depth") or 0.0, checks.get("overlap_area") or 0.0
-    if depth > OVERLAP * size or area > OVERLAP * size**2:
+    if Overlap(area, depth).exceeds(evidence.size):
         yield Finding(ERROR, f"{checks['summary']}: use smaller cells there or more medium around sharp corners")
 
 
@@ -117,7 +118,18 @@ def jumps(evidence: Evidence) -> Iterable[Finding]:
     if loads:
         more = f" and {len(loads) - FEW} more" if len(loads) > FEW else ""
         at = f"{', '.join(loads[:FEW])}{more}"
-        yield Finding(WARNING, f"the equilibrium branch ended and the run jumped to another one at load {at}")
+        yield Finding(
+            WARNING, f"the equilibrium branch ended and the run jumped to another one at load {at}{_lost(evidence)}"
+        )
+
+
+def _lost(evidence: Evidence) -> str:
+    """What the jumps lost, relative to all work; nothing for old runs."""
+    balance = energy_balance(evidence.history)
+    largest = max((sum(record.energy.values()) for record in evidence.history), default=0.0)
+    if balance is None or not largest > 0.0:
+        return ""
+    return f"; {balance.lost:.2g} of energy was lost, where {largest:.2g} is stored at most"
 
 
 def medium_before_contact(evidence: Evidence) -> Iterable[Finding]:
@@ -181,6 +193,20 @@ def stiffer_medium(evidence: Evidence) -> Iterable[Finding]:
         )
 
 
+def inverted(evidence: Evidence) -> Iterable[Finding]:
+    """Cells in which J is not positive between the quadrature points."""
+    count = evidence.checks.get("inverted_cells") or {}
+    if count:
+        cells = " and ".join(f"{n} cell{'s' if n > 1 else ''} of '{name}'" for name, n in count.items())
+        since = evidence.checks.get("inverted_from")
+        seen = "" if since is None else f" (seen first at load {since:.4g})"
+        yield Finding(
+            WARNING,
+            f"J < 0 between the quadrature points in {cells}{seen}: a corner may go through the medium there; use "
+            "smaller cells, or round it",
+        )
+
+
 def jacobians(evidence: Evidence) -> Iterable[Finding]:
     """Cells that are as good as inverted, solids first."""
     last = evidence.last
@@ -204,8 +230,8 @@ def large_gamma(evidence: Evidence) -> Iterable[Finding]:
 
 # the order is that of their weight
 RULES: tuple[Rule, ...] = (
-    overlap, other_parameters, instability, jumps, medium_before_contact, medium_in_contact, stiffer_medium, jacobians,
-    large_gamma,
+    overlap, other_parameters, instability, jumps, medium_before_contact, medium_in_contact, stiffer_medium, inverted,
+    jacobians, large_gamma,
 )  # fmt: skip
 
 

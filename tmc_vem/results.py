@@ -288,8 +288,9 @@ class RunResult:
             data, has_result = _result_of(path)
             columns = {heading(name, unit): name for name, unit in data.get("units", {}).items()}
             history = _history(path, columns, whole=has_result)
-            if has_result and len(history) != data["steps"]:
-                raise ValueError(f"{HISTORY} has {len(history)} of {data['steps']} steps")
+            steps = data.get("steps", len(history))
+            if has_result and len(history) != steps:
+                raise ValueError(f"{HISTORY} has {len(history)} of {steps} steps")
             if not has_result:
                 data |= _totals(history)
             names = ("inputs", "versions", "complete", "reason", "load", "n_cells", "n_dofs", "newton_iterations",

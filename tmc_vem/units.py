@@ -23,7 +23,7 @@ FIELDS = {
     "energy_density": STRESS,
     "region": NONE,
 }
-COLUMNS = {"displacement": LENGTH, "reaction": FORCE, "energy_": ENERGY, "min_j_": NONE}
+COLUMNS = {"displacement": LENGTH, "reaction": FORCE, "load_force": ENERGY, "energy_": ENERGY, "min_j_": NONE}
 _WORD = re.compile(r"[^\[\]\"<>&\s]{1,20}")
 
 

@@ -63,6 +63,24 @@ def test_doubtful_results_are_said(history: list[StepRecord], message: str) -> N
     assert finding.severity == WARNING
 
 
+def test_cells_that_are_inverted_between_the_points_are_said() -> None:
+    (finding,) = findings(record(), checks={"inverted_cells": {"medium": 3, "solid": 1}, "inverted_from": 0.25})
+    assert "J < 0 between the quadrature points in 3 cells of 'medium' and 1 cell of 'solid'" in finding.text
+    assert "(seen first at load 0.25)" in finding.text
+    assert finding.severity == WARNING
+    assert findings(record(), checks={"inverted_cells": {}}) == []
+
+
+def test_what_jumps_lost_is_said() -> None:
+    """Half of the energy of a spring."""
+    history = [
+        record(0.5, energy={"solid": 0.25, "medium": 0.0}, load_force=1.0),
+        record(0.5, energy={"solid": 0.125, "medium": 0.0}, load_force=0.5, jumped=True),
+    ]
+    (finding,) = findings(*history)
+    assert "jumped to another one at load 0.5; 0.12 of energy was lost, where 0.25 is stored at most" in finding.text
+
+
 def test_a_body_that_moves_freely_before_contact_is_no_reason_to_warn() -> None:
     """All of the work goes into the medium then, and next to nothing of the reaction that is quoted."""
     assert findings(open_gap(0.5, -1e-3, 1.0), record()) == []

@@ -116,6 +116,11 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
         energy = with_unit(f"{result.checks['regulariser_energy']:.6e}", column)
         rows.append(("energy, regulariser", f"{energy}, a part of the medium's"))
         rows.append(("contact", result.checks["summary"]))
+        lost = result.checks.get("energy_balance") or {}
+        if lost.get("jumps"):
+            energy = with_unit(f"{lost['lost']:.3e}", column)
+            off = with_unit(f"{sum(jump['uncertainty'] for jump in lost['jumps']):.1e}", column)
+            rows.append(("energy lost", f"{energy} in {len(lost['jumps'])} jumps, known to {off}"))
         rows.append(("imbalance", f"{result.checks['imbalance']:.1e} of the largest reaction"))
     cuts = f", {result.cut_backs} cut-backs" if result.cut_backs else ""
     rows.append(("load steps", f"{result.steps} with {result.newton_iterations} Newton iterations{cuts}"))

@@ -118,6 +118,7 @@ def comparison_page(comparison: Comparison) -> Page:
                     plots.newton_iterations(c.finest), "newton", "Newton iterations of every load step, finest mesh."
                 ),
                 tables.final_state(c.runs),
+                *tables.energy_in_jumps(c.runs),
                 tables.effort(c.runs),
                 Table("Contact in the last state, finest mesh.", ("run", "deformed solids"), contact),
             ],

@@ -24,7 +24,10 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4) -> P
         f"Run of {name}",
         f"{tables.reached(result)}, {cells} cells, {dofs} degrees of freedom.",
         [
-            Section("Result", [tables.final_state(runs), *tables.measured(runs), warnings]),
+            Section(
+                "Result",
+                [tables.final_state(runs), *tables.measured(runs), *tables.energy_in_jumps(runs), warnings],
+            ),
             *([Section("Deformed states", [_states(result, quantity, n_states)])] if result.history else []),
             *([Section("Curves", _curves(runs))] if result.history else []),
             Section("Solution", [tables.effort(runs), Table("Contact.", ("run", "deformed solids"), contact)]),

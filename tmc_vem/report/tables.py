@@ -7,6 +7,7 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tmc_vem.energy_balance import energy_balance
 from tmc_vem.plausibility import differing_parameters
 from tmc_vem.probes import GAP
 from tmc_vem.report.page import Cell, Table
@@ -137,6 +138,20 @@ def measured(runs: Runs) -> list[Table]:
         [with_unit(name, runs, name), *(number(run.probes.get(name)) for run in runs.values())] for name in names
     ]
     return [Table("Probes at the last converged step.", ("probe", *runs), rows)] if rows else []
+
+
+def energy_in_jumps(runs: Runs) -> list[Table]:
+    """A table with what each jump to another branch lost, if there were any."""
+    balances = {name: energy_balance(run.history) for name, run in runs.items()}
+    rows: list[list[str | Cell]] = [
+        [name, str(jump.step), number(jump.load), number(jump.lost, 3), number(jump.uncertainty, 2)]
+        for name, balance in balances.items()
+        if balance
+        for jump in balance.jumps
+    ]
+    head = ("run", "step", "load", "energy lost", "known to")
+    title = "Energy lost in jumps: stored before, plus the work of the step, minus stored after."
+    return [Table(title, head, rows)] if rows else []
 
 
 def regions_of(runs: Runs) -> list[str]:
