@@ -145,6 +145,10 @@ class OverlapWatch:
         """
         return self.crossed and self._watched().behind(u, origins, places)
 
+    def closely(self, u: Any) -> Refusal | None:
+        """What is to be said about a state that is looked at cell by cell, whatever its outline says."""
+        return self._watched().closely(u)
+
     def _look(self, u: Any) -> Refusal | None:
         found = self._watched().look(u)
         self.crossed = found is not None
@@ -189,7 +193,7 @@ class _Outline:
         change = comm.bcast(on_root(comm, lambda: self._rings.compare(sides) if self._rings else Change.NONE))
         if change is Change.NONE:
             return None
-        found = self._closely(u)
+        found = self.closely(u)
         return Refusal(Overlap(), passed=True) if found is None and change is Change.NESTED else found
 
     def between(self, before: Any, after: Any) -> Refusal | None:
@@ -200,7 +204,7 @@ class _Outline:
             return None
         u = after.copy()
         u.axpby(1.0 - share, share, before)
-        found = self._closely(u) or Refusal(Overlap())
+        found = self.closely(u) or Refusal(Overlap())
         u.destroy()
         return replace(found, passed=True)
 
@@ -262,7 +266,7 @@ class _Outline:
                     return float(share)
         return None
 
-    def _closely(self, u: Any) -> Refusal | None:
+    def closely(self, u: Any) -> Refusal | None:
         """The state cell by cell."""
         comm = self._system.comm
         parts = comm.gather(self._system.output_displacements(u))
