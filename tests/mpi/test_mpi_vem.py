@@ -87,3 +87,10 @@ def test_errors_of_one_rank_are_raised_on_all(n_ranks):
         assert len(outcomes) == n_ranks
         assert all(expected[name] in outcome for outcome in outcomes), outcomes
         assert len(set(outcomes)) == 1
+
+
+@pytest.mark.parametrize("n_ranks", RANKS)
+def test_rigid_motions_are_not_counted_by_the_sign_of_their_rounding(n_ranks):
+    assert run("free_body.py", n_ranks) == {
+        f"{preset} {cells}": [False, 0] for preset in ("direct", "reproducible") for cells in (4, 16)
+    }

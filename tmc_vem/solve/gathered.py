@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
+from tmc_vem.solve.factor import FactorState, factor_state, factorise
+
 
 class GatheredFactor:
     """PC of type 'python'; options of the factorisation have ``gathered_`` behind the prefix of the outer solver."""
@@ -38,10 +40,10 @@ class GatheredFactor:
                 self._ksp.setType(PETSc.KSP.Type.PREONLY)
                 self._ksp.setFromOptions()
             self._ksp.setOperators(local)
-            self._ksp.setUp()
+            factorise(self._ksp)
 
     def apply(self, pc: Any, rhs: Any, out: Any) -> None:
-        """``out`` = inverse of the matrix times ``rhs``."""
+        """``out`` = inverse of the matrix times ``rhs``; not numbers if there is no factor."""
         self._scatter.scatter(rhs, self._whole)
         if self._ksp is not None:
             self._ksp.solve(self._whole, self._solution)
@@ -49,9 +51,8 @@ class GatheredFactor:
                 self._solution.set(np.nan)
         self._scatter.scatter(self._solution, out, mode=PETSc.ScatterMode.REVERSE)
 
-    def negative_pivots(self, pc: Any) -> int:
-        """Negative eigenvalues of the matrix, from the factorisation's inertia."""
+    def factor_state(self, pc: Any) -> FactorState | None:
+        """What the factorisation on rank 0 says; called on all ranks."""
         comm = pc.getComm().tompi4py()
-        mine = None if self._ksp is None else int(self._ksp.getPC().getFactorMatrix().getInertia()[0])
-        negative: int = comm.bcast(mine)
-        return negative
+        state: FactorState | None = comm.bcast(None if self._ksp is None else factor_state(self._ksp.getPC()))
+        return state
