@@ -155,7 +155,7 @@ def run(
         if out is not None:
             directory = comm.bcast(on_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume)))
         system = discretise(problem, options, comm)
-        require_finite_start(system)
+        require_finite_start(system, problem)
         gauge = Gauge(problem, system)
         solver = NewtonSolver(system, timer=timer, solver=options.solver)
     if directory is not None:
@@ -269,7 +269,7 @@ def discretise(problem: Problem, options: RunOptions, comm: Any) -> Any:
     return VemSystem(mesh, kernels, problem.prescribed(), options.element)
 
 
-def require_finite_start(system: Any) -> None:
+def require_finite_start(system: Any, problem: Problem) -> None:
     """Check that energies and stresses can be computed before anything is deformed.
 
     Raises:
@@ -281,10 +281,21 @@ def require_finite_start(system: Any) -> None:
     if not bad and not math.isfinite(residual.norm()):
         bad = ["the stress, that is the derivative of the energy,"]
     if bad:
-        raise InputError(
-            f"{bad[0]} is no finite number in the undeformed state: 'tmc-vem codegen FILE.py:FUNCTION --check' checks "
-            "an energy of your own; a square root needs more than zero inside, m.sqrt(x + eps)"
-        )
+        checked = "'tmc-vem codegen FILE.py:FUNCTION --check' checks an energy of your own"
+        raise InputError(f"{bad[0]} is no finite number in the undeformed state: {_fault(problem) or checked}")
+
+
+def _fault(problem: Problem) -> str:
+    """What is wrong with a region's energy at F = I, in words; empty if that does not show."""
+    from codegen.reference import fault_at_reference
+    from codegen.trace import trace
+
+    for name, region in problem.regions().items():
+        energy = region.energy
+        fault = fault_at_reference(trace(energy.density, energy.name, energy.parameters), region.values)
+        if fault:
+            return f"region '{name}': {fault}"
+    return ""
 
 
 def compile_region(region: RegionEnergy) -> tuple[Any, Any]:
