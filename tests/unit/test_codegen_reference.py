@@ -80,7 +80,7 @@ def test_kernels_without_a_hessian_compile_without_a_warning(density, compiler, 
 
 
 @pytest.mark.parametrize("density", [shear_stress, only_g], ids=named)
-@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_a_linear_energy_has_no_stiffness_and_its_check_is_finite(density):
     kernel = compile_energy(density, "mine", ("s",))
     psi_n, g_nx, h_nxy = kernel.points(TANGENT, np.full((1, 12), 0.1), np.array([2.0]))
@@ -147,6 +147,17 @@ def test_a_run_says_it_too(method, file):
     medium = Medium(regulariser="mine.py:length")
     with pytest.raises(InputError, match=r"in the undeformed state: region 'medium': a square root is zero at F = I"):
         run(Box((20, 10), medium, uy=-0.05), None, RunOptions(method=method, steps=1))
+
+
+@pytest.mark.parametrize("method", ["vem", "fem"])
+def test_numpy_inside_runs_or_is_refused_in_words(method, file):
+    problem = Box((20, 10), Medium(regulariser="mine.py:trace"), uy=-0.02)
+    options = RunOptions(method=method, steps=1)
+    if method == "vem":
+        assert run(problem, None, options).complete
+    else:
+        with pytest.raises(InputError, match=r"energy 'medium_trace_damped' uses numpy, .* or use --method vem"):
+            run(problem, None, options)
 
 
 def test_numpy_inside_is_checked_state_by_state_or_refused_in_words(file):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from tmc_vem.constraints import Prescribed
+from tmc_vem.energy import Energy
 from tmc_vem.errors import InputError
 from tmc_vem.fem import compat
 from tmc_vem.fem.forms import RegionDensity, make_forms
@@ -328,7 +329,7 @@ def _at_points(energy: Energy, F: Any, G: Any, p: Any, m: Any) -> Float:
         fits = False
     if not fits:
         raise InputError(
-            f"energy '{energy.name}' uses numpy, which cannot compute with F and G of many points at once: write it with "
-            "F[i][j], arithmetic and m, or use --method vem"
+            f"energy '{energy.name}' uses numpy, which cannot compute with F and G of many points at once: write it "
+            "with F[i][j], arithmetic and m, or use --method vem"
         )
     return psi
