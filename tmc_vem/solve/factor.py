@@ -84,25 +84,27 @@ def factor_state(pc: Any) -> FactorState | None:
         return None
 
 
-def factorise(ksp: Any) -> None:
+def factorise(ksp: Any, before: FactorState | None) -> None:
     """Factorise the matrix of a KSP; where its work space is too small, again with more.
 
     What was enough once is kept. A failure of another kind is left for :func:`factor_state` to tell. With a
     preconditioner that is no factorisation this only sets it up.
+
+    Args:
+        ksp: whose matrix.
+        before: state of its last factorisation, None if there was none: asking PETSc 3.22 would make one without
+            its options.
     """
     pc = ksp.getPC()
-    before = factor_state(pc)
-    space = before.work_space if before else 0
-    if before and before.failed:
-        _forget(ksp, space)
+    if before and before.failed and pc.getType() != PETSc.PC.Type.PYTHON:
+        _forget(ksp, before.work_space)
     else:
         ksp.setUp()
     for _ in range(MOST_ENLARGEMENTS):
         state = factor_state(pc)
-        if state is None or state.status not in WORK_SPACE_TOO_SMALL:
+        if pc.getType() == PETSc.PC.Type.PYTHON or state is None or state.status not in WORK_SPACE_TOO_SMALL:
             return
-        space = max(2 * state.work_space, 50)
-        _forget(ksp, space)
+        _forget(ksp, max(2 * state.work_space, 50))
 
 
 def _forget(ksp: Any, space: int) -> None:

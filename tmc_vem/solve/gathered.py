@@ -20,6 +20,7 @@ class GatheredFactor:
         self._scatter: Any = None
         self._whole: Any = None
         self._solution: Any = None
+        self._state: FactorState | None = None
 
     def setUp(self, pc: Any) -> None:
         """Bring the matrix to rank 0 and factorise it there."""
@@ -33,14 +34,16 @@ class GatheredFactor:
         self._gathered = matrix.createSubMatrix(self._rows, self._rows, self._gathered)
         local = self._gathered.getDiagonalBlock()
         if comm.rank == 0:
+            prefix = f"{pc.getOptionsPrefix() or ''}gathered_"
             local.setOption(PETSc.Mat.Option.SYMMETRIC, True)
             if self._ksp is None:
                 self._ksp = PETSc.KSP().create(PETSc.COMM_SELF)
-                self._ksp.setOptionsPrefix(f"{pc.getOptionsPrefix() or ''}gathered_")
+                self._ksp.setOptionsPrefix(prefix)
                 self._ksp.setType(PETSc.KSP.Type.PREONLY)
                 self._ksp.setFromOptions()
             self._ksp.setOperators(local)
-            factorise(self._ksp)
+            factorise(self._ksp, self._state)
+            self._state = factor_state(self._ksp.getPC())
 
     def apply(self, pc: Any, rhs: Any, out: Any) -> None:
         """``out`` = inverse of the matrix times ``rhs``; not numbers if there is no factor."""
@@ -54,5 +57,5 @@ class GatheredFactor:
     def factor_state(self, pc: Any) -> FactorState | None:
         """What the factorisation on rank 0 says; called on all ranks."""
         comm = pc.getComm().tompi4py()
-        state: FactorState | None = comm.bcast(None if self._ksp is None else factor_state(self._ksp.getPC()))
+        state: FactorState | None = comm.bcast(self._state)
         return state

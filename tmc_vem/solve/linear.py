@@ -91,9 +91,9 @@ class LinearSolver:
     def solve(self, rhs: Any, out: Any) -> bool:
         """Solve with the matrix's present values; whether it worked."""
         self.ksp.setOperators(self.ksp.getOperators()[0])  # the values changed: factorise again
-        self._factor, self._solves = None, True
+        before, self._factor, self._solves = self._factor, None, True
         with self._in_database():  # factorisations read their options when they are made
-            factorise(self.ksp)
+            factorise(self.ksp, before)
             self.ksp.solve(rhs, out)
         self._factor = factor_state(self.ksp.getPC()) if self.ksp.getType() == PETSc.KSP.Type.PREONLY else None
         self.iterations += self.ksp.getIterationNumber()
