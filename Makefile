@@ -22,7 +22,7 @@ test-slow: .venv/.ready ## longer checks
 test-paper: .venv/.ready ## figures of the paper
 	$(PYTHON) -m pytest -m paper
 
-test-trixie: ## tests on Debian 13 with dolfinx 0.9, in a chroot; needs root, ten minutes
+test-trixie: ## demo, docs and all tests on Debian 13 with dolfinx 0.9, in a chroot; needs root, and time
 	./scripts/test-trixie.sh
 
 lint: .venv/.ready ## style and types

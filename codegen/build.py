@@ -15,22 +15,22 @@ import hashlib
 import importlib.util
 import logging
 import os
+import re
 import shlex
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from codegen.errors import CodegenError
 
 logger = logging.getLogger(__name__)
 
-WARNING_FLAGS = ("-Wall", "-Wextra", "-Werror")
 # Everything but -ffast-math, which would hide NaN: no errno, no traps, so that loops over points vectorise.
 FLAGS = ("-std=gnu99", "-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 # Modules that no generated text depends on; all others, new ones included, are part of the key.
 _BESIDE_THE_PIPELINE = {
-    "__main__.py", "batch.py", "cli.py", "declare.py", "oracle.py", "show.py", "states.py", "tensors.py", "userfile.py",
-    "verify.py",
+    "__main__.py", "batch.py", "cli.py", "declare.py", "oracle.py", "reference.py", "show.py", "states.py",
+    "tensors.py", "userfile.py", "verify.py",
 }  # fmt: skip
 CACHE_VARIABLE = "TMC_VEM_CACHE"
 
@@ -81,7 +81,11 @@ def compiler() -> tuple[str, ...]:
 
 @functools.cache
 def _find_compiler(wanted: str | None, search_path: str | None) -> tuple[str, ...]:
-    for command in [shlex.split(wanted)] if wanted else [["gcc"], ["cc"]]:
+    try:
+        named = [shlex.split(wanted)] if wanted else [["gcc"], ["cc"]]
+    except ValueError as error:
+        raise CodegenError(f"CC={wanted} is no command ({error}); set CC to gcc or clang, with its arguments") from None
+    for command in named:
         executable = shutil.which(command[0], path=search_path) if command else None
         if executable:
             return (executable, *command[1:])
@@ -93,9 +97,7 @@ def _find_compiler(wanted: str | None, search_path: str | None) -> tuple[str, ..
 def _toolchain_key(command: tuple[str, ...]) -> str:
     """What besides the energy decides the machine code: compiler, flags, processor, sympy, the generator's files."""
     digest = hashlib.sha256()
-    path = Path(command[0]).resolve()
-    stat = path.stat()
-    digest.update(repr((str(path), stat.st_size, stat.st_mtime_ns, command[1:], FLAGS, os.uname().machine)).encode())
+    digest.update(repr((_programs(command), command[1:], FLAGS, os.uname().machine)).encode())
     with contextlib.suppress(OSError), open("/proc/cpuinfo") as cpuinfo:
         for line in cpuinfo:
             if line.startswith(("flags", "Features", "model name")):
@@ -112,6 +114,12 @@ def _toolchain_key(command: tuple[str, ...]) -> str:
     return digest.hexdigest()
 
 
+def _programs(command: Sequence[str]) -> list[tuple[str, str, int, int]]:
+    """Name, file, size and time of the programs in a command: of ``ccache gcc`` both, as only gcc may have changed."""
+    found = [path for word in command if not word.startswith("-") and (path := shutil.which(word))]
+    return [(path, os.path.realpath(path), os.stat(path).st_size, os.stat(path).st_mtime_ns) for path in found]
+
+
 def library_path(name: str, fingerprint: str) -> Path:
     """Where the compiled kernel of an energy with this fingerprint is, or will be."""
     key = hashlib.sha256((fingerprint + _toolchain_key(compiler())).encode()).hexdigest()[:24]
@@ -119,8 +127,16 @@ def library_path(name: str, fingerprint: str) -> Path:
     return cache_directory() / f"{safe}-{key}.so"
 
 
+def compile_commands(source: Path, output: Path) -> list[list[str]]:
+    """Commands that compile a kernel, to be tried in this order: libmvec exists on some systems only."""
+    command, files = [*compiler(), *FLAGS], ["-o", str(output), str(source)]
+    return [[*command, "-DTMC_USE_LIBMVEC", *files, "-lmvec", "-lm"], [*command, *files, "-lm"]]
+
+
 def compile_library(c_source: str, output: Path) -> None:
     """Compile C source into a shared object, which appears under its name only when it is complete.
+
+    Warnings do not stop it: what a compiler of tomorrow warns about is for the tests to find.
 
     Raises:
         CodegenError: the compiler failed (the message has its first error) or the directory cannot be written to.
@@ -128,25 +144,34 @@ def compile_library(c_source: str, output: Path) -> None:
     import subprocess
     import tempfile
 
+    said = ""
     try:
         with tempfile.TemporaryDirectory(dir=output.parent, prefix=".build-") as scratch:
             source = Path(scratch) / (output.stem + ".c")
             source.write_text(c_source)
             target = Path(scratch) / output.name
-            with_vector_functions = ["-DTMC_USE_LIBMVEC", "-o", str(target), str(source), "-lmvec", "-lm"]
-            plain = ["-o", str(target), str(source), "-lm"]
-            for arguments in (with_vector_functions, plain):  # libmvec exists on some systems only
-                command = [*compiler(), *FLAGS, *WARNING_FLAGS, *arguments]
-                result = subprocess.run(command, capture_output=True, text=True, check=False)
-                if result.returncode == 0:
+            for command in compile_commands(source, target):
+                result = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+                said = result.stderr or result.stdout
+                if result.returncode == 0 and target.is_file():
+                    logger.debug("%s", said)
                     os.replace(source, output.with_suffix(".c"))
                     os.replace(target, output)
                     return
     except OSError as error:
         raise CodegenError(f"compiling {output.stem} failed: {error}") from error
-    logger.info("%s", result.stderr)
-    first = next((line for line in result.stderr.splitlines() if "error:" in line), result.stderr[:200])
-    raise CodegenError(f"compiling {output.stem} with {compiler()[0]} failed: {first.strip()}")
+    logger.info("%s", said)
+    raise CodegenError(f"compiling {output.stem} with {shlex.join(compiler())} failed: {_first_error(said, c_source)}")
+
+
+def _first_error(said: str, c_source: str) -> str:
+    """What went wrong in one line: the words of an assertion if it is one, else the compiler's own."""
+    lines = said.splitlines()
+    first = next((line for line in lines if "error:" in line), next(iter(lines), "it made no library and said nothing"))
+    place = re.search(r"\.c:(\d+)", first)
+    numbered = c_source.splitlines()[int(place[1]) - 1 : int(place[1])] if place else []
+    asserted = re.search(r'_Static_assert\(.*"(.*)"\)', "".join(numbered))  # not every compiler repeats its words
+    return asserted[1] if asserted else first.strip()
 
 
 def build(name: str, fingerprint: str, generate_source: Callable[[], str]) -> Path:

@@ -10,6 +10,7 @@ import click
 from codegen.compiler import derive, generate, versions
 from codegen.errors import CodegenError
 from codegen.kernel import compile_energy
+from codegen.reference import fault_at_reference
 from codegen.show import derivation
 from codegen.trace import trace
 from codegen.userfile import LoadedDensity, load_density
@@ -72,7 +73,8 @@ def main(energy: str, output: Path | None, check: bool, show: bool, values: dict
         for path in _write(output, loaded.name, {".c": source.c_source, ".h": source.header}):
             click.echo(f"wrote {path}")
     if show:
-        for line in derivation(derive(traced), source):
+        fault = fault_at_reference(traced, _values(loaded))
+        for line in derivation(derive(traced), source, fault):
             click.echo(line)
     if check and not _check(loaded):
         click.get_current_context().exit(1)
@@ -90,9 +92,14 @@ def _write(directory: Path, name: str, texts: Mapping[str, str]) -> list[Path]:
     return paths
 
 
+def _values(loaded: LoadedDensity) -> dict[str, float]:
+    """Values of all parameters, also of those that were given none."""
+    return {name: UNSET if value is None else value for name, value in loaded.parameters.items()}
+
+
 def _check(loaded: LoadedDensity) -> bool:
     """Compile the kernel, print the verification table, and say whether everything passed."""
-    values = {name: UNSET if value is None else value for name, value in loaded.parameters.items()}
+    values = _values(loaded)
     kernel = compile_energy(loaded.function, loaded.name, tuple(values), loaded.description)
     findings = verify(kernel, loaded.function, values, loaded.declared)
     _print_table(loaded, values, findings)

@@ -19,6 +19,8 @@ class KernelPrinter(C99CodePrinter):  # type: ignore[misc]
             return self._product(self.parenthesize(base, PRECEDENCE["Atom"], strict=True), int(exponent))
         if exponent.is_Rational and exponent.q == 2 and exponent.p == 1:
             return f"sqrt({self._print(base)})"
+        if exponent.is_Rational and exponent.q == 3:  # not cbrt, which has a value where its derivatives have none
+            return f"pow({self._print(base)}, {self._print(exponent)})"
         return str(super()._print_Pow(expr))
 
     def parenthesize(self, item: SymExpr, level: int, strict: bool = False) -> str:

@@ -14,6 +14,8 @@ enum { MAX_TILE = 2 };
 #endif
 
 typedef double vec __attribute__((vector_size(8 * LANES), may_alias));
+_Static_assert(sizeof(vec) == 8 * LANES, "it ignores vector types, which kernels are made of; set CC to gcc or clang");
+
 typedef double (*lanes)[LANES];
 typedef const double (*const_lanes)[LANES];
 

@@ -46,11 +46,26 @@ def components(x_nx: NDArray[Any]) -> tuple[Any, Any]:
     return F, G
 
 
+def one_state(x_x: NDArray[Any]) -> tuple[Any, Any]:
+    """``F[i][j]`` and ``G[i][j][k]`` of a single state (12,) as numbers."""
+    F, G = components(x_x[None])
+    return [[entry[0] for entry in row] for row in F], [[[entry[0] for entry in row] for row in plane] for plane in G]
+
+
 def energy_density(density: Callable[..., Any], x_nx: NDArray[Any], parameters: Mapping[str, float]) -> NDArray[Any]:
     """psi_n, (n_states,), of a density at the states ``x_nx`` (n_states, 12), real or complex."""
-    F, G = components(x_nx)
-    psi = density(F, G, SimpleNamespace(**parameters), numpy_namespace())
-    return np.broadcast_to(np.asarray(psi), (len(x_nx),))
+    p, m = SimpleNamespace(**parameters), numpy_namespace()
+
+    def at(states_nx: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray(density(*components(states_nx), p, m))
+
+    try:
+        psi = at(x_nx)
+    except (TypeError, ValueError):  # numpy inside takes the states for rows and columns: one at a time
+        psi = np.empty(0)
+    if psi.shape not in ((), (len(x_nx),)):
+        psi = np.stack([np.asarray(density(*one_state(x_x), p, m)) for x_x in x_nx])
+    return np.broadcast_to(psi, (len(x_nx),))
 
 
 def gradient(density: Callable[..., Any], x_nx: Array, parameters: Mapping[str, float]) -> Array:

@@ -29,10 +29,12 @@ static inline int monomial_degree(const tmc_batch *batch) {
   return second > batch->gradient_degree ? second : batch->gradient_degree;
 }
 
-/* Stored coefficients of the first gradient on one piece, for every basis function. */
+/* Stored coefficients of the first gradient on one piece, for every basis function. Those of a potential, which is of
+ * one degree more and lacks the constant, are counted without a subtraction: gcc 13 and 14 take dimension(.) - 1 for
+ * -1 and warn of the size of what is cleared with it. */
 static inline int stored_on_piece(const tmc_batch *batch) {
   const int degree = batch->gradient_degree;
-  return batch->has_potential ? dimension(degree + 1) - 1 : 2 * dimension(degree);
+  return batch->has_potential ? (degree + 1) * (degree + 4) / 2 : 2 * dimension(degree);
 }
 
 static int allocate(workspace *work, const tmc_batch *batch, int tangent) {

@@ -8,8 +8,14 @@ from codegen.ir import LEVELS, DerivedEnergy, KernelSource
 from codegen.ordering import F_INDICES, G_INDICES, N_F
 
 
-def derivation(derived: DerivedEnergy, source: KernelSource) -> Iterator[str]:
-    """Lines with the symbolic energy, its first derivatives and the operation counts."""
+def derivation(derived: DerivedEnergy, source: KernelSource, fault: str = "") -> Iterator[str]:
+    """Lines with the symbolic energy, its first derivatives and the operation counts.
+
+    Args:
+        derived: the energy and its derivatives.
+        source: its kernel.
+        fault: what is wrong with the energy at F = I, if anything is.
+    """
     import sympy as sp
 
     def text(expression: object) -> str:
@@ -27,3 +33,5 @@ def derivation(derived: DerivedEnergy, source: KernelSource) -> Iterator[str]:
     yield "operations at a point, before and after sharing subexpressions:"
     for level in LEVELS:
         yield f"  {level:8} {source.operations_before[level]:6} {source.operations[level]:6}"
+    if fault:
+        yield f"note: {fault}"

@@ -15,6 +15,7 @@ from codegen.ir import LEVELS, DerivedEnergy, KernelSource, Schedule
 from codegen.ordering import F_NAMES, X_NAMES
 
 J_NAMES = {"J", "Jm1", "logJ", "logJr", "invJ"}
+_DERIVATIVES = {"energy": "", "gradient": "g", "tangent": "gh"}  # what a level writes besides psi
 LANES = 8  # quadrature points evaluated at once: one AVX-512 register of doubles
 
 _PREAMBLE = """\
@@ -105,10 +106,7 @@ def _point_kernel(derived: DerivedEnergy, schedule: Schedule) -> str:
     assignments = (*schedule.temporaries, *schedule.outputs)
     used: set[str] = set().union(*(symbol_names(a.value) for a in assignments)) if assignments else set()
     arguments = ["const double (*restrict x)[LANES]", "const double *restrict p", "double *restrict psi"]
-    if schedule.level != "energy":
-        arguments.append("double (*restrict g)[LANES]")
-    if schedule.level == "tangent":
-        arguments.append("double (*restrict h)[LANES]")
+    arguments += [f"double (*restrict {name})[LANES]" for name in _DERIVATIVES[schedule.level]]
 
     head = [f"static void point_{schedule.level}({', '.join(arguments)}) {{"]
     head += [
@@ -118,6 +116,8 @@ def _point_kernel(derived: DerivedEnergy, schedule: Schedule) -> str:
     ]
     if not any(str(parameter_symbol(name)) in used for name in derived.parameters):
         head.append("  (void)p;")
+    written = {assignment.target[0] for assignment in schedule.outputs}
+    head += [f"  (void){name};" for name in _DERIVATIVES[schedule.level] if name not in written]
     head += ["  LANES_ARE_INDEPENDENT", "  for (int v = 0; v < LANES; ++v) {"]
 
     body = [*_inputs(used), *_jacobian_functions(used)]

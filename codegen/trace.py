@@ -235,6 +235,8 @@ def trace(density: Density, name: str, parameters: Sequence[str]) -> TracedEnerg
     except CodegenError:
         raise
     except Exception as error:  # whatever a user's function raises is reported in its name
+        if type(error).__module__.startswith("numpy"):
+            recorder.fail(f"numpy cannot compute with F and G ({error}); write it with F[i][j], arithmetic and m")
         raise CodegenError(f"energy '{name}': calling it failed with {type(error).__name__}: {error}") from error
     if not isinstance(result, TracedScalar):
         recorder.fail(

@@ -17,7 +17,9 @@ from codegen import oracle
 from codegen.declare import Declaration
 from codegen.kernel import ENERGY, GRADIENT, TANGENT, Kernel
 from codegen.ordering import N_X, X_NAMES
+from codegen.reference import fault_at_reference
 from codegen.states import REGIMES, SAFETY_ANGLE, Regime, directions, from_vector, rotate, sample
+from codegen.trace import trace
 
 Array = NDArray[np.float64]
 
@@ -90,7 +92,7 @@ def _findings(
         yield from _taylor(kernel, array, regime, x_nx, rng)
     yield _symmetry(kernel, array, everything)
     yield _objectivity(kernel, array, everything, declared, rng)
-    yield from _reference_state(kernel, array, declared)
+    yield from _reference_state(kernel, array, density, values, declared)
     if declared.gradient is not None:
         yield _hand_written(kernel, array, declared.gradient, values, everything)
 
@@ -183,13 +185,20 @@ def _symmetry(kernel: Kernel, array: Array, x_nx: Array) -> Finding:
         behind[:, b] -= step
         change = _gradient(kernel, array, ahead) - _gradient(kernel, array, behind)
         differences[:, :, b] = change / (ahead[:, b] - behind[:, b])[:, None]
-    size = np.abs(h).max(axis=(1, 2))[:, None, None]
+    size = _size(h, _gradient(kernel, array, x_nx))[:, None, None]
     skew = float(np.max(np.abs(differences - differences.swapaxes(1, 2)) / size))
     wrong = float(np.max(np.abs(differences - h) / size))
     worst = max(skew, wrong)
     passed = worst < DIFFERENCE_LIMIT
     words = "" if passed else "The Hessian is not the derivative of the gradient, or that is not symmetric."
     return Finding("Hessian symmetric, against differences", f"{worst:.1e}", f"< {DIFFERENCE_LIMIT:.0e}", passed, words)
+
+
+def _size(h_nxy: Array, g_nx: Array) -> Array:
+    """(n,) what derivatives are compared with: the largest entry of the Hessian, of the gradient if that is zero."""
+    largest = np.abs(h_nxy).max(axis=(1, 2))
+    gradient = np.abs(g_nx).max(axis=1)
+    return np.asarray(np.where(largest > 0.0, largest, np.where(gradient > 0.0, gradient, 1.0)))
 
 
 def _objectivity(kernel: Kernel, array: Array, x_nx: Array, declared: Declaration, rng: np.random.Generator) -> Finding:
@@ -211,9 +220,17 @@ def _objectivity(kernel: Kernel, array: Array, x_nx: Array, declared: Declaratio
     return Finding("unchanged by superposed rotation", f"{change[worst]:.1e}", required, passed, words)
 
 
-def _reference_state(kernel: Kernel, array: Array, declared: Declaration) -> Iterator[Finding]:
+def _reference_state(
+    kernel: Kernel, array: Array, density: Callable[..., Any], values: Mapping[str, float], declared: Declaration
+) -> Iterator[Finding]:
     psi, g, h = _all_derivatives(kernel, array, np.zeros((1, N_X)))
-    size = float(np.abs(h).max() + np.finfo(float).tiny)
+    if not (np.isfinite(psi).all() and np.isfinite(g).all() and np.isfinite(h).all()):
+        fault = fault_at_reference(trace(density, kernel.name, kernel.parameters), values)
+        what = "The energy" if not np.isfinite(psi).all() else "A derivative of the energy"
+        words = f"{what} is infinite or not a number at F = I: {fault or 'it has a singularity there'}."
+        yield Finding("finite at F = I", "no", "yes", False, words)
+        return
+    size = float(_size(h, g)[0])
     required = f"< {REFERENCE_LIMIT:.0e}" if declared.stress_free else DECLARED_OTHERWISE
     advice = "" if declared.stress_free else " As declared."
     energy = abs(float(psi[0])) / size

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Set up everything the project needs on Debian 12 or 13: the missing system packages, then .venv.
-# Idempotent: what is already there is left alone. With --test also a browser, in which reports are tested.
+# Idempotent: what is already there is left alone. With --test also a browser, in which reports are tested, and other compilers.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

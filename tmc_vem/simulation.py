@@ -165,7 +165,7 @@ def run(
         loads = (*options.path, *options.output_loads)
         system = discretise(problem, options, comm, lambda mesh: hints.extend(examine(problem, mesh, loads)))
         hints = comm.bcast(hints)
-        require_finite_start(system)
+        require_finite_start(system, problem)
         gauge = Gauge(problem, system)
         watch = OverlapWatch(
             system, media_of(problem), order_of(options), tolerated=options.allow_overlap,
@@ -322,7 +322,7 @@ def discretise(
     return VemSystem(mesh, kernels, problem.prescribed(), options.element)
 
 
-def require_finite_start(system: Any) -> None:
+def require_finite_start(system: Any, problem: Problem) -> None:
     """Check that energies and stresses can be computed before anything is deformed.
 
     Raises:
@@ -334,10 +334,21 @@ def require_finite_start(system: Any) -> None:
     if not bad and not math.isfinite(residual.norm()):
         bad = ["the stress, that is the derivative of the energy,"]
     if bad:
-        raise InputError(
-            f"{bad[0]} is no finite number in the undeformed state: 'tmc-vem codegen FILE.py:FUNCTION --check' checks "
-            "an energy of your own; a square root needs more than zero inside, m.sqrt(x + eps)"
-        )
+        checked = "'tmc-vem codegen FILE.py:FUNCTION --check' checks an energy of your own"
+        raise InputError(f"{bad[0]} is no finite number in the undeformed state: {_fault(problem) or checked}")
+
+
+def _fault(problem: Problem) -> str:
+    """What is wrong with a region's energy at F = I, in words; empty if that does not show."""
+    from codegen.reference import fault_at_reference
+    from codegen.trace import trace
+
+    for name, region in problem.regions().items():
+        energy = region.energy
+        fault = fault_at_reference(trace(energy.density, energy.name, energy.parameters), region.values)
+        if fault:
+            return f"region '{name}': {fault}"
+    return ""
 
 
 def compile_region(region: RegionEnergy) -> tuple[Any, Any]:

@@ -103,3 +103,10 @@ def test_overlap_is_seen_on_any_ranks(n_ranks):
     # the place, and the cells there, are the same wherever they are
     assert report["vem"] == run("overlap_by_rank.py", 1)["vem"]
     assert report["fem"]["inside"].split("where")[0] == run("overlap_by_rank.py", 1)["fem"]["inside"].split("where")[0]
+
+
+@pytest.mark.parametrize("n_ranks", RANKS)
+def test_rigid_motions_are_not_counted_by_the_sign_of_their_rounding(n_ranks):
+    assert run("free_body.py", n_ranks) == {
+        f"{preset} {cells}": [False, 0] for preset in ("direct", "reproducible") for cells in (4, 16)
+    }

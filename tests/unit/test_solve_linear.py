@@ -7,6 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers_mesh import grid
+from helpers_system import make_system, region
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from tmc_vem.errors import InputError
@@ -101,3 +104,95 @@ def test_unknown_presets_and_bad_files_are_refused(tmp_path: Path) -> None:
     bad.write_text("-tmc_ksp_type cg\nksp_type cg\n")
     with pytest.raises(InputError, match=r"bad\.petsc, line 2: 'ksp_type cg' is not '-option value'"):
         read_options(str(bad))
+
+
+def indefinite(n: int = 200) -> Any:
+    """A symmetric matrix with a zero diagonal: every pivot is of two rows, half of the eigenvalues are negative."""
+    dense = np.random.default_rng(1).normal(size=(n, n))
+    dense = dense + dense.T
+    np.fill_diagonal(dense, 0.0)
+    made = PETSc.Mat().createAIJ([n, n], nnz=n, comm=PETSc.COMM_SELF)
+    made.setValues(range(n), range(n), dense)
+    made.assemble()
+    made.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    return made
+
+
+def with_work_space(preset: str, percent: str, directory: Path) -> str:
+    """A file of options: a preset with other work space."""
+    options = {name: percent if "icntl_14" in name else value for name, value in read_options(preset).items()}
+    path = directory / "space.petsc"
+    path.write_text("".join(f"-{name} {value}\n" for name, value in options.items()))
+    return str(path)
+
+
+@pytest.mark.parametrize("preset", FACTORISING)
+def test_too_little_work_space_is_made_up_for(preset: str, tmp_path: Path) -> None:
+    made = indefinite()
+    dense = made.getValues(range(200), range(200))
+    solver = LinearSolver(made, PETSc.COMM_SELF, with_work_space(preset, "-90", tmp_path))
+    worked, error = solved(solver, made)
+    assert worked
+    assert error < 1e-8
+    assert solver.negative_pivots() == (np.linalg.eigvalsh(dense) < 0.0).sum()
+    assert solver.complaint() == ""
+    assert not [name for name in PETSc.Options().getAll() if "mumps" in name]
+    made.zeroEntries()
+    made.shift(2.0)
+    worked, error = solved(solver, made)
+    assert worked
+    assert error < 1e-12
+    assert solver.negative_pivots() == 0
+
+
+@pytest.mark.parametrize("preset", FACTORISING)
+def test_a_failed_factorisation_is_no_end_and_has_no_pivots(preset: str, tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.setattr("tmc_vem.solve.factor.MOST_ENLARGEMENTS", 0)
+    made = indefinite()
+    solver = LinearSolver(made, PETSc.COMM_SELF, with_work_space(preset, "-90", tmp_path))
+    rhs, out = made.createVecs()
+    rhs.set(1.0)
+    assert not solver.solve(rhs, out)
+    assert solver.lacks_memory
+    assert solver.negative_pivots() is None
+    assert not solver.solve_again(rhs, out)
+    assert "MUMPS ran out of work space, INFOG(1) = -9, with " in solver.complaint()
+    assert "memory" in solver.complaint()
+    monkeypatch.undo()
+    made.scale(2.0)
+    assert solver.solve(rhs, out)
+    assert not solver.lacks_memory
+    assert solver.negative_pivots() is not None
+
+
+@pytest.mark.parametrize("preset", FACTORISING)
+def test_a_singular_matrix_does_not_solve_equations_that_contradict_each_other(preset: str) -> None:
+    made = matrix([1.0, 2.0, 2.0, 2.0, 1.0])
+    for i in range(5):  # the stiffness of a chain of springs that nothing holds
+        for j in {max(i - 1, 0), min(i + 1, 4)} - {i}:
+            made.setValue(i, j, -1.0)
+    made.assemble()
+    solver = LinearSolver(made, PETSc.COMM_SELF, preset)
+    rhs, out = made.createVecs()
+    rhs.set(1.0)
+    assert not solver.solve(rhs, out)
+    assert solver.negative_pivots() == 0
+    assert solver.complaint() == " (linear solver: the tangent is singular (1 null pivots): something can move freely)"
+    rhs.setArray([1.0, 0.0, 0.0, 0.0, -1.0])  # balanced
+    assert solver.solve(rhs, out)
+    assert out.getArray()[0] - out.getArray()[-1] == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("preset", FACTORISING)
+@pytest.mark.parametrize("cells", [4, 16])
+def test_rigid_motions_of_a_free_body_are_not_negative_whatever_rounding_says(preset: str, cells: int) -> None:
+    """MUMPS' own threshold counts 1 to 3 of the three as negative here, and takes the others for stiffness."""
+    system = make_system(grid(cells, cells), region("solid", K=50.0, mu=10.0), comm=MPI.COMM_SELF)
+    u, rhs, out = (system.create_vector() for _ in range(3))
+    tangent = system.create_matrix()
+    system.jacobian(u, tangent)
+    rhs.set(1.0)
+    solver = LinearSolver(tangent, PETSc.COMM_SELF, preset)
+    assert not solver.solve(rhs, out)
+    assert solver.negative_pivots() == 0
+    assert "something can move freely" in solver.complaint()

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
+from tmc_vem.fem.jit_lock import no_stale_locks
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -149,12 +150,13 @@ def form(expression: Any) -> Any:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Undo what setuptools, which compiles the forms, does to the root logger, and keep its commands to itself."""
+    """Compile: without what setuptools does to the root logger, without its commands, without waiting for dead runs."""
     root = logging.getLogger()
     level, handlers, disabled = root.level, list(root.handlers), root.manager.disable
     logging.disable(logging.INFO)
     try:
-        yield
+        with no_stale_locks():
+            yield
     finally:
         logging.disable(disabled)
         root.setLevel(level)

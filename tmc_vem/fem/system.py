@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from tmc_vem.constraints import Prescribed
+from tmc_vem.energy import Energy
 from tmc_vem.errors import InputError
 from tmc_vem.fem import compat
 from tmc_vem.fem.forms import RegionDensity, make_forms
@@ -298,7 +299,7 @@ class FemSystem:
             F = [[gradient[..., i, j].astype(np.longdouble) + (i == j) for j in (0, 1)] for i in (0, 1)]
             G = [[[second[..., i, j, k] for k in (0, 1)] for j in (0, 1)] for i in (0, 1)]
             with np.errstate(all="ignore"):  # J <= 0 shows as NaN, which the evaluation reports
-                psi_cq = region.energy.density(F, G, p, m)
+                psi_cq = _at_points(region.energy, F, G, p, m)
                 energy_c[cells] = (self.points.w_cq[cells] * psi_cq).sum(axis=1)
         return energy_c, min_j_c
 
@@ -329,3 +330,22 @@ class FemSystem:
         where = f"J = {overall[0]:.3g} in cell {overall[1]} of region '{overall[2]}'"
         stored = sum(values.energy for values in regions.values())
         return Evaluation(stored - sum(part[2] for part in parts), regions, where)
+
+
+def _at_points(energy: Energy, F: Any, G: Any, p: Any, m: Any) -> Float:
+    """Energy density at the points of all cells.
+
+    Raises:
+        InputError: numpy inside the density takes the points for rows and columns.
+    """
+    try:
+        psi = np.asarray(energy.density(F, G, p, m))
+        fits = psi.shape in ((), np.shape(F[0][0]))
+    except (TypeError, ValueError):
+        fits = False
+    if not fits:
+        raise InputError(
+            f"energy '{energy.name}' uses numpy, which cannot compute with F and G of many points at once: write it "
+            "with F[i][j], arithmetic and m, or use --method vem"
+        )
+    return psi

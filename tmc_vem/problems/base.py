@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Protocol
 
 from tmc_vem.constraints import Prescribed
@@ -66,8 +67,19 @@ class Medium:
         self.resolve()
 
     def resolve(self) -> tuple[Regulariser, dict[str, float]]:
-        """The regulariser itself and the values of its own parameters."""
+        """The regulariser itself and the values of its own parameters.
+
+        A file is executed once, when the medium is made: what becomes of it during a run changes nothing.
+        """
+        return self._resolved
+
+    @cached_property
+    def _resolved(self) -> tuple[Regulariser, dict[str, float]]:
         return resolve_regulariser(self.regulariser, self.parameters)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is sent to other processes: functions of a file are not, they are found there again."""
+        return {name: value for name, value in vars(self).items() if name != "_resolved"}
 
     def weight(self, mu: float, h: float | None) -> float:
         """alpha_r, given or from alpha.

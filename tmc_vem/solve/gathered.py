@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
+from tmc_vem.solve.factor import FactorState, factor_state, factorise
+
 
 class GatheredFactor:
     """PC of type 'python'; options of the factorisation have ``gathered_`` behind the prefix of the outer solver."""
@@ -18,6 +20,7 @@ class GatheredFactor:
         self._scatter: Any = None
         self._whole: Any = None
         self._solution: Any = None
+        self._state: FactorState | None = None
 
     def setUp(self, pc: Any) -> None:
         """Bring the matrix to rank 0 and factorise it there."""
@@ -31,17 +34,19 @@ class GatheredFactor:
         self._gathered = matrix.createSubMatrix(self._rows, self._rows, self._gathered)
         local = self._gathered.getDiagonalBlock()
         if comm.rank == 0:
+            prefix = f"{pc.getOptionsPrefix() or ''}gathered_"
             local.setOption(PETSc.Mat.Option.SYMMETRIC, True)
             if self._ksp is None:
                 self._ksp = PETSc.KSP().create(PETSc.COMM_SELF)
-                self._ksp.setOptionsPrefix(f"{pc.getOptionsPrefix() or ''}gathered_")
+                self._ksp.setOptionsPrefix(prefix)
                 self._ksp.setType(PETSc.KSP.Type.PREONLY)
                 self._ksp.setFromOptions()
             self._ksp.setOperators(local)
-            self._ksp.setUp()
+            factorise(self._ksp, self._state)
+            self._state = factor_state(self._ksp.getPC())
 
     def apply(self, pc: Any, rhs: Any, out: Any) -> None:
-        """``out`` = inverse of the matrix times ``rhs``."""
+        """``out`` = inverse of the matrix times ``rhs``; not numbers if there is no factor."""
         self._scatter.scatter(rhs, self._whole)
         if self._ksp is not None:
             self._ksp.solve(self._whole, self._solution)
@@ -49,9 +54,8 @@ class GatheredFactor:
                 self._solution.set(np.nan)
         self._scatter.scatter(self._solution, out, mode=PETSc.ScatterMode.REVERSE)
 
-    def negative_pivots(self, pc: Any) -> int:
-        """Negative eigenvalues of the matrix, from the factorisation's inertia."""
+    def factor_state(self, pc: Any) -> FactorState | None:
+        """What the factorisation on rank 0 says; called on all ranks."""
         comm = pc.getComm().tompi4py()
-        mine = None if self._ksp is None else int(self._ksp.getPC().getFactorMatrix().getInertia()[0])
-        negative: int = comm.bcast(mine)
-        return negative
+        state: FactorState | None = comm.bcast(self._state)
+        return state

@@ -16,11 +16,16 @@ from typing import Any
 from petsc4py import PETSc
 
 from tmc_vem.errors import InputError
+from tmc_vem.solve.factor import FactorState, factor_state, factorise
 
 PREFIX = "tmc_"
 DIRECT = "direct"
 # PETSc's error codes for options: not supported, wrong or out of range, of an unknown type, of a missing package
 BAD_OPTION = (56, 60, 62, 63, 86, 92)
+# Residual of a direct solution, relative to the right-hand side, above which the matrix is singular up to rounding and
+# the equations contradict each other. It is below 1e-8 for gamma down to 1e-6 and J down to 1e-4, and 1 if they do.
+INCONSISTENT = 1e-3
+CONTRADICTION = "the tangent is singular up to rounding: something can move freely"
 _PRESETS = Path(__file__).parent / "presets"
 
 
@@ -69,6 +74,8 @@ class LinearSolver:
     def __init__(self, matrix: Any, comm: Any, solver: str = DIRECT) -> None:
         self._options = read_options(solver)
         self.iterations = 0
+        self._factor: FactorState | None = None  # of the last factorisation, where nothing but it solves
+        self._solves = True  # whether what came out fulfils the equations
         self.ksp = PETSc.KSP().create(comm)
         self.ksp.setOptionsPrefix(PREFIX)
         self.ksp.setOperators(matrix)
@@ -84,30 +91,54 @@ class LinearSolver:
     def solve(self, rhs: Any, out: Any) -> bool:
         """Solve with the matrix's present values; whether it worked."""
         self.ksp.setOperators(self.ksp.getOperators()[0])  # the values changed: factorise again
+        before, self._factor, self._solves = self._factor, None, True
         with self._in_database():  # factorisations read their options when they are made
+            factorise(self.ksp, before)
             self.ksp.solve(rhs, out)
+        self._factor = factor_state(self.ksp.getPC()) if self.ksp.getType() == PETSc.KSP.Type.PREONLY else None
         self.iterations += self.ksp.getIterationNumber()
-        return self.ksp.getConvergedReason() > 0 and math.isfinite(out.norm())
+        return self._worked(rhs, out)
 
     def solve_again(self, rhs: Any, out: Any) -> bool:
         """Solve with the last factorisation; whether it worked."""
+        if self._factor and self._factor.failed:
+            return False
         self.ksp.solve(rhs, out)
-        return self.ksp.getConvergedReason() > 0 and math.isfinite(out.norm())
+        return self._worked(rhs, out)
+
+    def _worked(self, rhs: Any, out: Any) -> bool:
+        """Whether there is a solution. A singular factorisation hands out a vector too, which solves nothing."""
+        if self.ksp.getConvergedReason() <= 0 or not math.isfinite(out.norm()):
+            return False
+        if self._factor is None:
+            return True
+        left = rhs.duplicate()
+        self.ksp.getOperators()[0].mult(out, left)
+        left.axpy(-1.0, rhs)
+        self._solves = left.norm() <= INCONSISTENT * rhs.norm()
+        left.destroy()
+        return self._solves
+
+    @property
+    def lacks_memory(self) -> bool:
+        """Whether the last factorisation failed because memory was short: no other matrix of this size will do."""
+        return self._factor is not None and self._factor.lacks_memory
 
     def negative_pivots(self) -> int | None:
         """Negative eigenvalues of the last matrix, or None if the solver cannot tell.
 
-        Conjugate gradients tell only that there is one, when they meet a direction of negative curvature: 1 is a lower
-        bound then, and the solve has failed. Meeting none proves nothing.
+        Pivots that are zero up to rounding do not count: their sign is that of the rounding. Conjugate gradients tell
+        only that there is one, when they meet a direction of negative curvature: 1 is a lower bound then, and the solve
+        has failed. Meeting none proves nothing.
         """
         if self.ksp.getConvergedReason() == PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT:
             return 1
         pc = self.ksp.getPC()
         if self.ksp.getType() != PETSc.KSP.Type.PREONLY:  # the factors may be those of another matrix, or rough
             return None
-        if pc.getType() == PETSc.PC.Type.PYTHON:
-            return int(pc.getPythonContext().negative_pivots(pc))
-        if pc.getType() != PETSc.PC.Type.CHOLESKY:
+        if self._factor is not None:
+            return None if self._factor.failed else self._factor.negative_pivots
+        if pc.getType() != PETSc.PC.Type.CHOLESKY or self.ksp.getConvergedReason() <= 0:
             return None
         try:
             return int(pc.getFactorMatrix().getInertia()[0])
@@ -115,7 +146,10 @@ class LinearSolver:
             return None
 
     def complaint(self) -> str:
-        """Why the last iterative solve failed, with the remedy; empty if it did not, or if it was a factorisation."""
+        """Why the last solve failed, with the remedy, in brackets; empty if there is nothing to say."""
+        if self._factor is not None:
+            said = self._factor.complaint() or ("" if self._solves else CONTRADICTION)
+            return f" (linear solver: {said})" if said else ""
         reason = self.ksp.getConvergedReason()
         if reason > 0 or self.ksp.getType() == PETSc.KSP.Type.PREONLY:
             return ""

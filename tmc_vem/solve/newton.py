@@ -121,7 +121,7 @@ class NewtonSolver:
 
     @property
     def linear_complaint(self) -> str:
-        """Why the last iterative linear solve failed, in brackets, or nothing."""
+        """Why the last linear solve failed, in brackets, or nothing."""
         return self._linear.complaint()
 
     def set_prescribed(self, u: Any, load: float) -> None:
@@ -290,6 +290,8 @@ class NewtonSolver:
             if solved and (descends and not negative if stable else descends or near):
                 self._last_shift = shift if shift > 0.0 else self._last_shift
                 return True, pivots
+            if self._linear.lacks_memory:
+                break
             shift = max(SMALLEST_SHIFT, self._last_shift / 3.0) if shift == 0.0 else 8.0 * shift
         return False, pivots
 
