@@ -72,6 +72,31 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _run(arguments: list[str] | None) -> int:
+    import warnings
+
+    with warnings.catch_warnings():
+        _print_notes(warnings)
+        return _exit_code(arguments)
+
+
+def _print_notes(warnings: Any) -> None:
+    """Each note in one line, once, and only by the first rank; other warnings as Python does."""
+    from tmc_vem.errors import Note
+
+    usual, said = warnings.showwarning, set()
+
+    def show(message: Any, category: type[Warning], *where: Any, **more: Any) -> None:
+        if not issubclass(category, Note):
+            usual(message, category, *where, **more)
+        elif str(message) not in said and _rank() == 0:
+            said.add(str(message))
+            click.echo(f"tmc-vem: note: {_one_line(str(message))}", err=True)
+
+    warnings.simplefilter("always", Note)
+    warnings.showwarning = show
+
+
+def _exit_code(arguments: list[str] | None) -> int:
     from codegen.errors import CodegenError
     from tmc_vem.errors import TmcError
 
@@ -113,10 +138,13 @@ def _run(arguments: list[str] | None) -> int:
 
 def _report(message: str, code: int) -> int:
     if _rank() == 0:
-        # what a user typed may hold line breaks and worse
-        line = "".join(ch if ch.isprintable() else repr(ch)[1:-1] for ch in message)
-        click.echo(f"tmc-vem: {line}", err=True)
+        click.echo(f"tmc-vem: {_one_line(message)}", err=True)
     return code
+
+
+def _one_line(message: str) -> str:
+    """Without line breaks and worse, which what a user typed may hold."""
+    return "".join(ch if ch.isprintable() else repr(ch)[1:-1] for ch in message)
 
 
 def _rank() -> int:
