@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -39,11 +40,16 @@ class FieldSource(Protocol):
         """(n_cells,) mean and smallest J."""
 
 
-def fields_of(source: FieldSource, u: Any, polygons: Polygons | None = None) -> Fields:
+def polygons_of(source: FieldSource, media: Sequence[str] | None) -> Polygons:
+    """This rank's cells, of which those in ``media`` are third medium; None leaves it to the names."""
+    return replace(source.output_polygons(), media=None if media is None else tuple(media))
+
+
+def fields_of(source: FieldSource, u: Any, polygons: Polygons) -> Fields:
     """Fields of this rank's cells at state ``u``."""
     mean_j, min_j = source.cell_jacobians(u)
     return Fields(
-        polygons=source.output_polygons() if polygons is None else polygons,
+        polygons=polygons,
         displacement_ni=source.output_displacements(u),
         jacobian_c=mean_j,
         min_jacobian_c=min_j,
@@ -51,9 +57,9 @@ def fields_of(source: FieldSource, u: Any, polygons: Polygons | None = None) -> 
     )
 
 
-def gather_fields(source: FieldSource, u: Any) -> Fields | None:
+def gather_fields(source: FieldSource, u: Any, media: Sequence[str] | None = None) -> Fields | None:
     """Fields of all cells on rank 0, None elsewhere."""
-    mine = fields_of(source, u)
+    mine = fields_of(source, u, polygons_of(source, media))
     parts = [mine] if source.comm.size == 1 else source.comm.gather(mine)
     return Fields.merge(parts) if parts else None
 
@@ -66,16 +72,18 @@ class SnapshotWriter:
         directory: run directory.
         loads: coordinates along the load path; the first converged step at or past each is written.
         units: of the problem.
+        media: names of the regions of third medium.
     """
 
     def __init__(
-        self, source: FieldSource, directory: Path, loads: tuple[float, ...], units: Units | None = None
-    ) -> None:
+        self, source: FieldSource, directory: Path, loads: tuple[float, ...], units: Units | None = None,
+        media: Sequence[str] | None = None,
+    ) -> None:  # fmt: skip
         self.source = source
         self.directory = directory
         self._pending = sorted(loads)
         self.entries: list[tuple[float, list[str]]] = []
-        self._polygons = source.output_polygons()
+        self._polygons = polygons_of(source, media)
         self._units = units or Units()
         self._writer = VtuWriter(self._polygons, self._units)
 

@@ -22,7 +22,7 @@ def read_problem(path: str | Path) -> tuple[OwnProblem, RunOptions]:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "it is no text in UTF-8"
         raise InputError(f"{path} cannot be read: {reason}") from None

@@ -65,7 +65,7 @@ class Recorder:
         self._durable_until, self._is_durable = time.monotonic() + DURABLE, True
         self._snapshots: SnapshotWriter | None = None
         if directory is not None and times:
-            self._snapshots = SnapshotWriter(system, directory.path, tuple(times), problem.units())
+            self._snapshots = SnapshotWriter(system, directory.path, tuple(times), problem.units(), media_of(problem))
 
     def record(self, step: Step, states: States, position: Position, residual: Any) -> None:
         """Record a converged step; called on all ranks."""
@@ -162,7 +162,7 @@ class Recorder:
             share = self.system.cell_energies(u).sum() - self.system.cell_energies(u, without="alpha_r").sum()
             regulariser = float(self.system.comm.allreduce(share))
             checks: dict[str, Any] = {"imbalance": imbalance, "regulariser_energy": regulariser}
-            fields = gather_fields(self.system, u)
+            fields = gather_fields(self.system, u, media_of(self.problem))
             if fields is not None:
                 contact = check_contact(fields, self._order)
                 checks |= {**contact.as_dict(), "summary": contact.summary()}
@@ -173,7 +173,7 @@ class Recorder:
         with self.timer("tables"):
             found = versions(self.system.comm.size)
         history = self.history
-        media = [name for name, region in self.problem.regions().items() if region.is_medium]
+        media = media_of(self.problem)
         result = RunResult(
             inputs=self.inputs,
             versions=found,
@@ -192,6 +192,7 @@ class Recorder:
             history=history,
             directory=None if self.directory is None else self.directory.path,
             units=self._units(history[-1]) if history else {},
+            media=tuple(media),
         )
         if self.directory is not None:
             directory = self.directory
@@ -261,6 +262,11 @@ class Recorder:
         last = self.history[-1]
         gap = "" if last.gap is None else f", gap {last.gap:.4g}"
         return f"{self.problem.name} at {self.problem.load().where} displacement {last.displacement:g}{gap}"
+
+
+def media_of(problem: Problem) -> list[str]:
+    """Names of the regions that are third medium."""
+    return [name for name, region in problem.regions().items() if region.is_medium]
 
 
 @contextmanager

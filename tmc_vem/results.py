@@ -146,6 +146,7 @@ class RunResult:
         warnings: what is doubtful about the result, in sentences; see :mod:`tmc_vem.plausibility`.
         parallel: ranks, linear solver, imbalance and peak memory, see :func:`tmc_vem.balance.balance`.
         seconds: wall time by phase.
+        media: names of the regions that are third medium; None in old runs, where they begin with ``medium``.
         history: the load steps.
         directory: where the run was written, or None.
     """
@@ -167,6 +168,7 @@ class RunResult:
     parallel: Mapping[str, Any] = field(default_factory=dict)
     warnings: Sequence[str] = ()
     units: Mapping[str, str] = field(default_factory=dict)
+    media: Sequence[str] | None = None
 
     @property
     def last(self) -> StepRecord | None:
@@ -236,6 +238,7 @@ class RunResult:
             "min_j": dict(self.min_j),
             "energy": dict(last.energy) if last else {},
             "units": dict(self.units),
+            "media": None if self.media is None else list(self.media),
             "n_cells": self.n_cells,
             "n_dofs": self.n_dofs,
             "steps": self.steps,
@@ -272,7 +275,7 @@ class RunResult:
             history = [StepRecord.from_row(row) for row in rows]
             names = ("inputs", "versions", "complete", "reason", "load", "n_cells", "n_dofs", "newton_iterations",
                      "cut_backs", "projection_degrees", "seconds")  # fmt: skip
-            optional = ("checks", "parallel", "warnings", "units")  # not in the first runs
+            optional = ("checks", "parallel", "warnings", "units", "media")  # not in the first runs
             later = {name: data[name] for name in optional if name in data}
             return RunResult(**{name: data[name] for name in names}, history=history, directory=path, **later)
         except OSError as error:

@@ -63,7 +63,11 @@ class VtuWriter:
             _array("types", np.full(polygons.n_cells, POLYGON, np.uint8), COMPRESSED),
         ]
         region = polygons.region_c[self._order].astype(np.int64)
-        self._region = _array("region", region, COMPRESSED, self._units["region"])
+        medium = (~polygons.is_solid_c[self._order]).astype(np.uint8)
+        self._regions = [
+            _array("region", region, COMPRESSED, self._units["region"]),
+            _array("medium", medium, COMPRESSED, self._units["medium"]),
+        ]
 
     def write(self, path: Path, fields: Fields) -> None:
         """Write a state; warp by ``displacement`` in ParaView.
@@ -82,7 +86,7 @@ class VtuWriter:
             "Points": [self._points],
             "Cells": self._cells,
             "PointData": [moved],
-            "CellData": [*per_cell, self._region],
+            "CellData": [*per_cell, *self._regions],
         }
         head = (
             '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" header_type="UInt64" '

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -15,7 +16,7 @@ from helpers_process import tmc
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tmc_vem import RunResult
+from tmc_vem import RunResult, run
 from tmc_vem.cli.main import _run
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.geometry import areas
@@ -235,7 +236,7 @@ Physical Curve("fixed") = {6}; Physical Curve("pulled") = {3};
 """
 
 
-@pytest.mark.parametrize("kind", ["geo", "msh", "vtu", "inp"])
+@pytest.mark.parametrize("kind", ["geo", "msh", "vtu", "inp", "mat", "nc"])
 def test_meshes_from_files(tmp_path: Path, kind: str) -> None:
     """Groups of gmsh and names in mesh files are regions, points and edges; the force does not depend on the format."""
     from tmc_vem.mesh.io import write_mesh
@@ -257,6 +258,72 @@ def test_meshes_from_files(tmp_path: Path, kind: str) -> None:
     assert result["gap"] is None
 
 
+NUMBERS = GEO.replace('"left"', "1").replace('"right"', "2").replace('"fixed"', "11").replace('"pulled"', "12")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"[mesh]": '[mesh]\nnames = { 1 = "left", 2 = "right", 11 = "fixed", curve_12 = "pulled" }'},
+        {
+            "[regions.left]": "[regions.1]", "[regions.right]": "[regions.region_2]", '"fixed"': '"11"',
+            '"pulled"': '"curve_12"',
+        },
+    ],
+    ids=["names", "numbers"],
+)  # fmt: skip
+def test_groups_with_numbers_only(tmp_path: Path, changes: dict[str, str]) -> None:
+    (tmp_path / "strip.geo").write_text(NUMBERS)
+    text = FROM_FILE
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
+    (tmp_path / "strip.toml").write_text(text)
+    mesh = read_problem(tmp_path / "strip.toml")[0].make_mesh()
+    plain = tmp_path / "plain.toml"
+    plain.write_text(FROM_FILE.replace("strip.geo", "plain.geo"))
+    (tmp_path / "plain.geo").write_text(GEO)
+    expected = read_problem(plain)[0].make_mesh()
+    assert mesh.region_c.tolist() == expected.region_c.tolist()
+    ours, theirs = list(mesh.named_edges.values()), list(expected.named_edges.values())
+    assert [pairs.tolist() for pairs in ours] == [pairs.tolist() for pairs in theirs]
+
+
+def test_names_that_do_not_fit_a_mesh_file(tmp_path: Path) -> None:
+    (tmp_path / "strip.geo").write_text(NUMBERS)
+    for mesh, message in (
+        ("[mesh]", r"the mesh has region_1, region_2; .* \[mesh\] names = \{ 1 = \"left\" \}"),
+        (
+            '[mesh]\nnames = { 7 = "left" }',
+            r"no group '7' \(there are: 1 \(region region_1\), .*11 \(curve",
+        ),
+    ):
+        (tmp_path / "strip.toml").write_text(FROM_FILE.replace("[mesh]", mesh))
+        with pytest.raises(InputError, match=message):
+            read_problem(tmp_path / "strip.toml")[0].make_mesh()
+
+
+def test_the_table_says_what_is_medium_not_the_name(tmp_path: Path) -> None:
+    from tmc_vem.report.snapshots import read_fields, snapshots
+
+    text = SMALL.replace("[regions.medium]", "[regions.air]").replace("regions.plug", "regions.medium_plug")
+    problem, options = read_problem(small(tmp_path, text.replace('["plug", ', '["medium_plug", ')))
+    result = run(problem, tmp_path / "run", dataclasses.replace(options, steps=1, snapshots=1))
+    again = RunResult.read(tmp_path / "run")
+    assert again.media == ["air"]
+    assert result.checks["overlap_area"] == pytest.approx(0.0)
+    fields = read_fields(again, snapshots(again)[-1])
+    names = np.array(fields.polygons.region_names)[fields.polygons.region_c]
+    assert ((names != "air") == fields.polygons.is_solid_c).all()
+    # a run of an earlier version has no such entry: there the names tell
+    content = json.loads((tmp_path / "run/result.json").read_text())
+    del content["media"]
+    (tmp_path / "run/result.json").write_text(json.dumps(content))
+    old = RunResult.read(tmp_path / "run")
+    assert old.media is None
+    assert (read_fields(old, snapshots(old)[-1]).polygons.is_solid_c == (names != "medium_plug")).all()
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -269,8 +336,12 @@ def test_meshes_from_files(tmp_path: Path, kind: str) -> None:
         ("K = 20, mu = 10", "K = -20, mu = 10", ("regions: base: solid", "K = -20", "positive")),
         ("K = 20, mu = 10", "K = 20", ("regions: base: solid", "lacks 'mu'")),
         ("gamma = 1e-4", "gama = 1e-4", ("regions: medium: medium", "'gama'", "gamma")),
-        ("[regions.medium]", "[regions.air]", ("regions: air", "start with 'medium'")),
-        ("[regions.plug]", "[regions.medium_plug]", ("medium_plug", "must not start with 'medium'")),
+        ("size = 0.1", 'size = 0.1\nnames = { 1 = "plug" }', ("mesh: names", "for a mesh file")),
+        (
+            "solid = { K = 20, mu = 10 }",
+            "solid = { K = 20, mu = 10 }\nis_medium = true",
+            ("base: is_medium", "density"),
+        ),
         ('"frame - base - plug"', '"frame - base - plugg"', ("region 'medium'", "'plugg'", "frame, base, plug")),
         ('"frame - base - plug"', '"frame - base"', ("'plug' and 'medium' overlap",)),
         ('"triangles"', '"hexagons"', ("mesh", "hexagons", "voronoi, triangles")),

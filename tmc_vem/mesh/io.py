@@ -14,6 +14,7 @@ from importlib import import_module
 from pathlib import Path
 
 from tmc_vem.errors import InputError, Note
+from tmc_vem.mesh.between import parts_of
 from tmc_vem.mesh.check import find_faults, summaries
 from tmc_vem.mesh.files.record import Reading, Record
 from tmc_vem.mesh.polygon import PolygonMesh
@@ -75,6 +76,9 @@ def read_mesh(
         mesh = assemble(record, reading)
     except InputError as error:
         raise _of_file(called, "", str(error)) from None
+    n_parts = int(parts_of(mesh).max()) + 1
+    if n_parts > 1:
+        record.notes.append(f"it falls into {n_parts} parts that share no side")
     if notes is not None:
         notes += record.notes
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from tmc_vem.constraints import COMPONENTS, Prescribed
 from tmc_vem.energy import Energy
 from tmc_vem.errors import InputError
+from tmc_vem.mesh.files.regions import REST
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.shapes import combine
@@ -70,7 +72,8 @@ class OwnProblem:
         unused = [name for name in table.regions if name not in mesh.region_names]
         if missing or unused:
             whose = f"regions: the mesh has {', '.join(mesh.region_names)}"
-            raise InputError(f"{whose}; described are {', '.join(table.regions)}: the names must agree")
+            hint = "" if table.shapes or not unused or not missing else self._naming(missing[0], unused[0])
+            raise InputError(f"{whose}; described are {', '.join(table.regions)}: the names must agree{hint}")
         if not table.shapes:
             mesh = with_names(mesh, table.points)
         named_edges = dict(mesh.named_edges)
@@ -137,7 +140,8 @@ class OwnProblem:
                     found[name] = self._medium(region.medium, moduli)
                 else:
                     assert region.density is not None
-                    found[name] = self._own_energy(region.density, region.parameters, name.startswith("medium"))
+                    is_medium = name.startswith("medium") if region.is_medium is None else region.is_medium
+                    found[name] = self._own_energy(region.density, region.parameters, is_medium)
             except InputError as error:
                 raise InputError(f"regions: {name}: {error}") from None
         return found
@@ -186,8 +190,32 @@ class OwnProblem:
         from tmc_vem.mesh.io import read_mesh
         from tmc_vem.mesh.triangles import mesh_geometry
 
-        path = self._mesh_file
-        return mesh_geometry(path) if path.suffix.lower() == ".geo" else read_mesh(path)
+        path, table = self._mesh_file, self.table.mesh
+        read = mesh_geometry if path.suffix.lower() == ".geo" else read_mesh
+        mesh = read(path, names=table.names, region_data=table.region_data, cracks=table.cracks)
+        return self._by_number(mesh)
+
+    @staticmethod
+    def _naming(group: str, name: str) -> str:
+        """How a group of the mesh file gets another name."""
+        if group == REST:
+            return f"; '{REST}' are the cells of no group: give the surface of '{name}' a physical group or set"
+        key = group.removeprefix("region_")
+        key = key if re.fullmatch(r"[\w-]+", key) else f'"{key}"'
+        return f'; [mesh] names = {{ {key} = "{name}" }}, for example, gives others'
+
+    def _by_number(self, mesh: PolygonMesh) -> PolygonMesh:
+        """The mesh with groups without a name called by their numbers where the description does so."""
+        conditions = {condition.at for condition in (*self.table.support, self.table.load)}
+        regions = {f"region_{name}": name for name in self.table.regions if name.isdigit()}
+        edges = {f"curve_{name}": name for name in conditions if name.isdigit()}
+        points = {f"point_{name}": name for name in conditions if name.isdigit()}
+        return PolygonMesh(
+            mesh.points_vx, mesh.cell_offsets, mesh.cell_vertices, mesh.region_c,
+            tuple(regions.get(name, name) for name in mesh.region_names),
+            {points.get(name, name): vertex for name, vertex in mesh.named_points.items()},
+            {edges.get(name, name): pairs for name, pairs in mesh.named_edges.items()}, validate=False,
+        )  # fmt: skip
 
     @cached_property
     def _outlines(self) -> Any:

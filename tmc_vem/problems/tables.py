@@ -19,6 +19,7 @@ from tmc_vem.validation import require_choice, require_finite, require_positive,
 
 XY = tuple[float, float]
 CELLS = ("voronoi", "triangles", "quadrilaterals")
+CRACKS = ("join", "keep")
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,10 @@ class MeshTable:
     """Where the mesh comes from: a file, or shapes with a size of cells.
 
     Attributes:
-        file: mesh file (.vtu, .vtk, .msh, .inp, .obj) or gmsh geometry (.geo), relative to the problem file.
+        file: mesh file (.vtu, .msh, .inp, .mat, ...) or gmsh geometry (.geo), relative to the problem file.
+        names: for groups of the file, by their number or the name that they have there.
+        region_data: cell data of the file whose values are regions.
+        cracks: ``"keep"`` takes vertices of the file at the same place for cracks; ``"join"`` refuses them.
         cells: kind of cells made from shapes.
         size: of these cells (length).
         refine: places with smaller cells.
@@ -94,9 +98,15 @@ class MeshTable:
     size: float | None = None
     refine: tuple[RefineTable, ...] = ()
     growth: float = 0.3
+    names: Mapping[str, str] = field(default_factory=dict)
+    region_data: str | None = None
+    cracks: str = "join"
 
     def __post_init__(self) -> None:
         require_choice("cells", self.cells, CELLS)
+        require_choice("cracks", self.cracks, CRACKS)
+        if self.file is None and (self.names or self.region_data or self.cracks != "join"):
+            raise InputError("names, region_data and cracks are for a mesh file")
         require_positive("growth", self.growth, "try 0.3")
         require_within("growth", self.growth, 0.0, STEEPEST, "a cell is twice as large as its neighbour at 1; try 0.3")
         if self.size is not None:
@@ -134,6 +144,7 @@ class RegionTable:
         medium: third medium.
         density: energy of your own, ``FILE.py:FUNCTION``, the file relative to the problem file.
         parameters: of that energy.
+        is_medium: whether a region with an energy of its own is third medium; by default if its name starts so.
     """
 
     shape: str | None = None
@@ -141,11 +152,14 @@ class RegionTable:
     medium: MediumTable | None = None
     density: str | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
+    is_medium: bool | None = None
 
     def __post_init__(self) -> None:
         given = [name for name in ("solid", "medium", "density") if getattr(self, name) is not None]
         if len(given) != 1:
             raise InputError(f"give one of solid, medium and density, not {' and '.join(given) or 'none'}")
+        if self.is_medium is not None and self.density is None:
+            raise InputError("is_medium is for a density of your own; 'medium = {...}' is third medium as it is")
 
 
 @dataclass(frozen=True)
@@ -253,7 +267,7 @@ class ProblemTable:
 
     Attributes:
         name: of the problem, for titles and tables.
-        regions: by name; that of a third medium starts with ``medium``.
+        regions: by name.
         support: where displacements are prescribed.
         load: the one displacement component that is reported with its reaction.
         mesh: how the mesh is made.
@@ -296,8 +310,3 @@ class ProblemTable:
             if (region.shape is not None) != bool(self.shapes):
                 text = "lacks 'shape'" if self.shapes else "has a shape, but the mesh comes from a file"
                 raise InputError(f"regions: {name}: {text}")
-            if (region.medium is not None) != name.startswith("medium") and region.density is None:
-                kind, verb = ("third medium", "must") if region.medium else ("solid", "must not")
-                raise InputError(
-                    f"regions: {name}: the name of a {kind} {verb} start with 'medium', as reports go by it"
-                )

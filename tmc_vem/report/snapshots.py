@@ -76,11 +76,11 @@ def read_fields(result: RunResult, snapshot: Snapshot) -> Fields:
     Raises:
         InputError: a file is missing or not readable.
     """
-    names = tuple(result.min_j)
-    return Fields.merge([_read(path, names) for path in snapshot.files])
+    names, media = tuple(result.min_j), None if result.media is None else tuple(result.media)
+    return Fields.merge([_read(path, names, media) for path in snapshot.files])
 
 
-def _read(path: Path, region_names: tuple[str, ...]) -> Fields:
+def _read(path: Path, region_names: tuple[str, ...], media: tuple[str, ...] | None) -> Fields:
     import meshio
 
     try:
@@ -95,6 +95,7 @@ def _read(path: Path, region_names: tuple[str, ...]) -> Fields:
         connectivity=np.concatenate([np.ravel(block.data) for block in mesh.cells]).astype(np.int64),
         region_c=values["region"].astype(np.int64),
         region_names=region_names,
+        media=media,
     )
     return Fields(
         polygons=polygons,

@@ -157,6 +157,7 @@ class _Sides:
         mixed[inverse[region_s != region_s[first][inverse]]] = True
         self.pairs = np.stack([keys // n_vertices, keys % n_vertices], axis=1)
         self.on_outline = (counts == 1) | mixed
+        self.used = np.unique(flat)
 
     def between(self, vertices: Int, n_vertices: int, exact: bool) -> Int:
         """Sides (n, 2) with both ends among the vertices; only those on outlines, if these reach all the vertices."""
@@ -203,6 +204,8 @@ def _add_nodes(
     name = name.removeprefix("edges:").removeprefix("point:")
     if len(vertices) == 1:
         named_points[name] = int(vertices[0])
+        return
+    if len(vertices) == len(sides.used):  # all of them: no edges in particular
         return
     pairs = sides.between(vertices, len(number), exact)
     alone = np.setdiff1d(vertices, pairs)

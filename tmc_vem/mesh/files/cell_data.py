@@ -109,8 +109,9 @@ def whole_numbers(values: NDArray[np.generic], name: str) -> Int:
 def _offer(record: Record, arrays: Data, cells: Int) -> None:
     """Say which array may tell regions, if none of the usual ones is there."""
     for name, values in arrays.items():
-        if values.ndim == 1 and values.dtype.kind in "iu" and name != ORDER:
-            n = len(np.unique(values[cells]))
+        if values.ndim == 1 and values.dtype.kind in "iuf" and name != ORDER:
+            found = np.unique(values[cells])
+            n = len(found) if (np.round(found) == found).all() else 0
             if 1 < n <= 100 and n < len(cells):
                 record.notes.append(
                     f"all cells are one region; cell data '{name}' has {n} values: region_data = \"{name}\" makes "

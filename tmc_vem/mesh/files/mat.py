@@ -57,10 +57,12 @@ def _tables(path: Path) -> dict[str, Any]:
     """Variables of the file by name."""
     import scipy.io
 
+    with path.open("rb") as file:
+        start = file.read(520)
+    if b"\x89HDF" in (start[:4], start[512:516]):
+        return _tables_73(path)
     try:
         found = scipy.io.loadmat(path)
-    except NotImplementedError:
-        return _tables_73(path)
     except Exception as error:  # scipy fails with whatever a bad file leads it to
         raise InputError(f"it is no MATLAB file that scipy can read: {error or type(error).__name__}") from None
     return {name: value for name, value in found.items() if not name.startswith("__")}

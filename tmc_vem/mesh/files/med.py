@@ -115,7 +115,7 @@ def _groups(file: Any, mesh: str) -> dict[int, list[str]]:
     families = file.get(f"FAS/{mesh}", {})
     for kind in ("ELEME", "NOEUD"):
         for family in families.get(kind, {}).values() if kind in families else ():
-            names: Any = np.asarray(family["GRO/NOM"]) if "GRO/NOM" in family else []
+            names: Any = family["GRO/NOM"][()] if "GRO/NOM" in family else []
             found[int(family.attrs["NUM"])] = [_text(name) for name in names]
     return found
 

@@ -216,12 +216,14 @@ def _entities(found: _File, entities: Tokens, version: float, partitioned: bool)
     for dimension, n in enumerate(counts):
         for _ in range(n):
             tag = int(entities.ints(1)[0])
+            parent = dimension
             if partitioned:
-                entities.ints(2)
+                parent = int(entities.ints(2)[0])
                 entities.ints(int(entities.sizes(1)[0]))
             entities.floats(3 if dimension == 0 and version > 4.05 else 6)
             groups = np.abs(entities.ints(int(entities.sizes(1)[0]))).tolist()
-            found.groups[dimension, tag] = list(dict.fromkeys(groups))
+            # borders of parts have the groups of what they cut, which are not of their own dimension
+            found.groups[dimension, tag] = list(dict.fromkeys(groups)) if parent == dimension else []
             if dimension > 0:
                 entities.ints(int(entities.sizes(1)[0]))
 
