@@ -13,7 +13,17 @@ from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.between import NEAR, Outline, gaps, near_vertices, overlaps, shapes_of, slits, t_junctions
-from tmc_vem.mesh.faults import Fault, bad_polygons, bad_vertices, duplicate_cells, summaries, tolerance_of
+from tmc_vem.mesh.faults import (
+    SHORT,
+    Fault,
+    bad_polygons,
+    bad_vertices,
+    duplicate_cells,
+    short_edges,
+    summaries,
+    tolerance_of,
+    too_short,
+)  # fmt: skip
 from tmc_vem.mesh.geometry import areas
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.weld import weld
@@ -35,7 +45,7 @@ def find_faults(mesh: PolygonMesh, *, cracks: bool = False) -> list[Fault]:
         mesh._check_arrays()
     except InputError as error:
         return [Fault("structure", str(error))]
-    faults = [*bad_polygons(mesh), *duplicate_cells(mesh), *bad_vertices(mesh)]
+    faults = [*bad_polygons(mesh), *duplicate_cells(mesh), *bad_vertices(mesh), *too_short(mesh)]
     if cracks:
         faults = [fault for fault in faults if fault.kind != "duplicate vertex"]
     if not any(fault.kind in ("polygon", "duplicate cell") for fault in faults):
@@ -59,13 +69,13 @@ def _between_cells(mesh: PolygonMesh, cracks: bool) -> Iterator[Fault]:
 
 
 def repair(mesh: PolygonMesh, tolerance: float | None = None) -> PolygonMesh:
-    """A valid mesh: vertices that coincide, or nearly do, merged, equal cells too, clockwise cells turned, unused
-    vertices dropped, and vertices that lie on the sides of other cells inserted there as hanging nodes.
+    """A valid mesh: vertices that coincide, or nearly do, merged, short edges collapsed, equal cells merged, clockwise
+    cells turned, unused vertices dropped, and vertices that lie on the sides of other cells inserted as hanging nodes.
 
     Args:
         mesh: made with ``validate=False`` or not. No cell changes its region.
-        tolerance: distance of vertices that are merged, and length of edges that are collapsed, as a fraction of the
-            sides there. By default vertices of a slit are joined and edges stay.
+        tolerance: distance of vertices that are merged as a fraction of the sides there, and length of edges that are
+            collapsed as a fraction of the width of their cells. By default, what :func:`find_faults` names.
 
     Raises:
         InputError: something else is wrong, such as an overlap; the message names the cell.
@@ -121,8 +131,7 @@ def _merged(mesh: PolygonMesh, tolerance: float | None) -> Int:
     outline = Outline.of(mesh)
     pairs = [*cKDTree(mesh.points_vx).query_pairs(tolerance_of(mesh))]
     pairs += near_vertices(outline, NEAR if tolerance is None else tolerance)
-    if tolerance is not None:
-        pairs += _short_edges(mesh, tolerance)
+    pairs += short_edges(mesh, SHORT if tolerance is None else tolerance)
     ends = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     graph = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(mesh.n_vertices,) * 2)
     _, group = connected_components(graph, directed=False)
@@ -133,18 +142,3 @@ def _merged(mesh: PolygonMesh, tolerance: float | None) -> Int:
     first = order[np.searchsorted(group[order], np.arange(group.max() + 1))]
     label: Int = first[group]
     return label
-
-
-def _short_edges(mesh: PolygonMesh, fraction: float) -> list[tuple[int, int]]:
-    """Ends of edges shorter than a fraction of the diameter of their smallest cell."""
-    from tmc_vem.mesh.geometry import diameters
-
-    diameter_c = np.empty(mesh.n_cells)
-    for _, cells, vertices_cv in mesh.cells_by_size():
-        diameter_c[cells] = diameters(mesh.points_vx[vertices_cv])
-    smallest_e = np.full(len(mesh.edges), np.inf)
-    np.minimum.at(smallest_e, mesh.edges.cell_edges, np.repeat(diameter_c, mesh.n_sides_c))
-    a, b = mesh.edges.vertices_ev.T
-    length_e = np.hypot(*(mesh.points_vx[a] - mesh.points_vx[b]).T)
-    short = np.flatnonzero(length_e < fraction * smallest_e)
-    return list(zip(a[short].tolist(), b[short].tolist(), strict=True))

@@ -8,11 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from tmc_vem.errors import InputError
+from tmc_vem.mesh.geometry import areas, diameters
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.validate import check_polygons
 
 # Vertices closer than this fraction of the mesh's extent are at the same place; rounding moves them less.
 COINCIDE = 1e-9
+# Edges of polygons shorter than this fraction of the cell's width (area over diameter) cost digits: the error of the
+# functions on the sliver there grows with the square of the ratio, and is 1e-9 at this one.
+SHORT = 1e-4
 
 
 @dataclass(frozen=True)
@@ -83,6 +87,35 @@ def duplicate_cells(mesh: PolygonMesh) -> Iterator[Fault]:
             else:
                 message += f", which is in '{names[0]}', and is in '{names[1]}': a cell has one region, remove one"
                 yield Fault("duplicate cell", message, False, f"cell {c}")
+
+
+def short_edges(mesh: PolygonMesh, fraction: float = SHORT) -> list[tuple[int, int]]:
+    """Ends of edges, and one of their cells, that are short beside the widths of all cells with five or more sides.
+
+    Edges of thin triangles and quadrilaterals, such as those across a layer, are none.
+    """
+    width_c = np.empty(mesh.n_cells)
+    for _, cells, vertices_cv in mesh.cells_by_size():
+        polygons = mesh.points_vx[vertices_cv]
+        width_c[cells] = np.abs(areas(polygons)) / diameters(polygons)
+    width_s = np.repeat(np.where(mesh.n_sides_c > 4, width_c, 0.0), mesh.n_sides_c)
+    widest_e = np.zeros(len(mesh.edges))
+    np.maximum.at(widest_e, mesh.edges.cell_edges, width_s)
+    ends = mesh.points_vx[mesh.edges.vertices_ev]
+    short = np.flatnonzero(np.hypot(*(ends[:, 1] - ends[:, 0]).T) < fraction * widest_e)
+    return [(int(a), int(b)) for a, b in mesh.edges.vertices_ev[short]]
+
+
+def too_short(mesh: PolygonMesh) -> Iterator[Fault]:
+    """Edges that are too short."""
+    for a, b in short_edges(mesh):
+        (x, y), (s, t) = mesh.points_vx[[a, b]]
+        yield Fault(
+            "short edge",
+            f"the edge between vertices {a} and {b} at ({x:.6g}, {y:.6g}) is {np.hypot(x - s, y - t):.3g} long, less "
+            f"than {SHORT:g} of a cell's width: collapse it",
+            True, f"vertices {a} and {b}",
+        )  # fmt: skip
 
 
 def bad_vertices(mesh: PolygonMesh) -> Iterator[Fault]:
