@@ -497,3 +497,48 @@ def test_examples_make_their_meshes(path: Path) -> None:
     mesh = problem.make_mesh()
     assert mesh.n_cells > 300
     assert set(problem.table.points) <= set(mesh.named_points)
+
+
+@pytest.mark.parametrize("cells", ["voronoi", "triangles"])
+@pytest.mark.parametrize("away", [(500000, 4200000), (10000000, -10000000)], ids=["map", "1e7"])
+def test_domains_far_from_the_origin_are_meshed_as_at_it(tmp_path: Path, cells: str, away: tuple[int, int]) -> None:
+    """Also where coordinates keep nine digits of the size: the mesh is the same, but for the rounding of its place."""
+    size = "size = 0.2\nrefine = [{ near = [0.5, 0.5], size = 0.1 }]"
+    text = SMALL.replace('cells = "triangles"\nsize = 0.1', f'cells = "{cells}"\n{size}')
+    there = text
+    for name, numbers in {
+        "rectangle": [[0, 0, 1, 1], [0, 0, 1, 0.3], [0.3, 0.5, 0.7, 1.0]], "near": [[0.5, 0.5]], "tip": [[0.5, 0.5]],
+        "ground": [[0.5, 0.3]],
+    }.items():  # fmt: skip
+        for row in numbers:
+            moved_row = [round(value + away[n % 2], 3) for n, value in enumerate(row)]
+            there = there.replace(f"{name} = {row}", f"{name} = {moved_row}")
+    ends = [[round(value + away[n], 3) for n, value in enumerate(end)] for end in ([0, 0], [1, 0])]
+    there = there.replace("line = [[0, 0], [1, 0]]", f"line = {ends}")
+    assert there.count(str(away[0])[:5]) >= 8
+    (tmp_path / "there").mkdir()
+    here, far = (read_problem(small(p, t))[0].make_mesh() for p, t in ((tmp_path, text), (tmp_path / "there", there)))
+    assert far.cell_vertices.tolist() == here.cell_vertices.tolist()
+    assert np.abs(far.points_vx - away - here.points_vx).max() < 4e-9
+    assert dict(far.named_points) == dict(here.named_points)
+    for name, pairs in here.named_edges.items():
+        assert far.named_edges[name].tolist() == pairs.tolist()
+
+
+def test_points_with_rounded_coordinates(tmp_path: Path) -> None:
+    """On an arc, and on vertices of a file; what is farther off is refused with coordinates that can be copied."""
+    text = SMALL.replace("[0.3, 0.5, 0.7, 1.0] }", "[0.3, 0.5, 0.7, 1.0], rounded = 0.1 }")
+    on_arc = [0.4 - 0.1 * math.sin(0.7), 0.6 - 0.1 * math.cos(0.7)]
+    for digits, good in ((7, True), (3, False)):
+        place = [round(value, digits) for value in on_arc]
+        problem = read_problem(small(tmp_path, text.replace("tip = [0.5, 0.5]", f"tip = {place}")))[0]
+        if good:
+            mesh = problem.make_mesh()
+            assert mesh.points_vx[mesh.named_points["tip"]] == pytest.approx(on_arc, abs=2e-7)
+        else:
+            with pytest.raises(
+                InputError, match=r"on no region's outline: the nearest place on one is \((.*)\)"
+            ) as said:
+                problem.make_mesh()
+            found = str(said.value).rsplit("(", 1)[1].rstrip(")")
+            read_problem(small(tmp_path, text.replace("tip = [0.5, 0.5]", f"tip = [{found}]")))[0].make_mesh()

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.budget import QUADRILATERALS, TRIANGLES, check_cells, check_size, most_cells
+from tmc_vem.mesh.far import meshed_near_origin
 from tmc_vem.mesh.io import read_mesh
 from tmc_vem.mesh.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton
 from tmc_vem.mesh.parts import with_names
@@ -24,6 +25,7 @@ FRONTAL_DELAUNAY = 6
 SIZE_MIN = "Mesh.MeshSizeMin"
 
 
+@meshed_near_origin
 def triangle_mesh(
     regions: Sequence[Region], size: Size, points: Mapping[str, Point] | None = None, *, quadrilaterals: bool = False
 ) -> PolygonMesh:

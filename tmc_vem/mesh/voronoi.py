@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.budget import POLYGONS, check_size
+from tmc_vem.mesh.far import meshed_near_origin
 from tmc_vem.mesh.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton
 from tmc_vem.mesh.polygon import PolygonMesh
 
@@ -43,6 +44,7 @@ SPARSE = 0.95
 COINCIDE = 1e-6
 
 
+@meshed_near_origin
 def voronoi_mesh(
     regions: Sequence[Region],
     size: Size,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tmc_vem.constraints import COMPONENTS, Prescribed
 from tmc_vem.energy import Energy
 from tmc_vem.errors import InputError
+from tmc_vem.mesh.far import moved, near, origin_for
 from tmc_vem.mesh.files.regions import REST
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
@@ -218,11 +219,17 @@ class OwnProblem:
         )  # fmt: skip
 
     @cached_property
+    def _origin(self) -> tuple[float, float] | None:
+        """Where the shapes' coordinates are counted from while a mesh is made, if they lie far from the origin."""
+        places = [place for table in self.table.shapes.values() for place in table.places()]
+        return origin_for(np.array(places, dtype=float).reshape(-1, 2))
+
+    @cached_property
     def _outlines(self) -> Any:
         shapes = {}
         for name, table in self.table.shapes.items():
             try:
-                shapes[name] = table.shape()
+                shapes[name] = (table if self._origin is None else table.from_origin(self._origin)).shape()
             except InputError as error:
                 raise InputError(f"shapes: {name}: {error}") from None
         return combine(shapes, {name: region.shape or "" for name, region in self.table.regions.items()})
@@ -231,10 +238,14 @@ class OwnProblem:
         from tmc_vem.mesh.triangles import triangle_mesh
         from tmc_vem.mesh.voronoi import voronoi_mesh
 
-        mesh, points = self.table.mesh, self.table.points
-        if mesh.cells == "voronoi":
-            return voronoi_mesh(self._outlines, self._size(), points)
-        return triangle_mesh(self._outlines, self._size(), points, quadrilaterals=mesh.cells == "quadrilaterals")
+        table, origin = self.table.mesh, self._origin
+        points = {name: place if origin is None else near(place, origin) for name, place in self.table.points.items()}
+        if table.cells == "voronoi":
+            mesh = voronoi_mesh(self._outlines, self._size(), points)
+        else:
+            quadrilaterals = table.cells == "quadrilaterals"
+            mesh = triangle_mesh(self._outlines, self._size(), points, quadrilaterals=quadrilaterals)
+        return mesh if origin is None else moved(mesh, origin)
 
     def _size(self) -> float | Callable[[Float], Float]:
         """The size of cells: a number, or a function of points (n, 2)."""
@@ -242,12 +253,14 @@ class OwnProblem:
         assert mesh.size is not None
         if not mesh.refine:
             return mesh.size
-        largest = mesh.size
+        largest, origin = mesh.size, self._origin
 
         def size(points: Float) -> Float:
             h = np.full(len(points), largest)
             for place in mesh.refine:
                 ends = np.asarray(place.near, dtype=float).reshape(-1, 2)
+                if origin is not None:
+                    ends = np.array([near(end, origin) for end in ends.tolist()])
                 away = np.maximum(_distance(points, ends[0], ends[-1]) - place.within, 0.0)
                 np.minimum(h, place.size + mesh.growth * away, out=h)
             return h

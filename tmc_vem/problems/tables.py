@@ -11,6 +11,7 @@ import numpy as np
 from tmc_vem.constraints import COMPONENTS
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.budget import STEEPEST
+from tmc_vem.mesh.far import near
 from tmc_vem.mesh.shapes import HUGE, Shape, disc, polygon, rectangle
 from tmc_vem.probes import GAP, Displacement, Gap, MeanJ, Place, Position, Probe, Reaction, check_name
 from tmc_vem.problems.base import Material
@@ -55,6 +56,24 @@ class ShapeTable:
             return rectangle(*self.rectangle, self.rounded)
         assert self.polygon is not None
         return polygon(self.polygon, self.rounded)
+
+    def places(self) -> list[XY]:
+        """Points that lie about the shape."""
+        if self.disc is not None:
+            x, y, r = self.disc
+            return [(x - r, y - r), (x + r, y + r)]
+        if self.rectangle is not None:
+            return [self.rectangle[:2], self.rectangle[2:]]
+        return list(self.polygon or ())
+
+    def from_origin(self, origin: XY) -> ShapeTable:
+        """The same shape with coordinates from another origin on."""
+        return ShapeTable(
+            None if self.rectangle is None else (*near(self.rectangle[:2], origin), *near(self.rectangle[2:], origin)),
+            None if self.polygon is None else tuple(near(corner, origin) for corner in self.polygon),
+            None if self.disc is None else (*near(self.disc[:2], origin), self.disc[2]),
+            self.rounded,
+        )
 
 
 @dataclass(frozen=True)
