@@ -6,6 +6,10 @@ points, and words of the notes; or words of the message that refuses it.
 
 from __future__ import annotations
 
+import dataclasses
+import shutil
+import subprocess
+import sys
 import tomllib
 import warnings
 from pathlib import Path
@@ -14,11 +18,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tmc_vem import run
 from tmc_vem.cli.main import main
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.check import find_faults
 from tmc_vem.mesh.io import read_mesh
 from tmc_vem.mesh.quality import measure
+from tmc_vem.problem_file import read_problem
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 EXPECTED: dict[str, dict[str, Any]] = tomllib.loads((CORPUS / "expected.toml").read_text())
@@ -76,3 +82,16 @@ def test_faults_are_named_and_repaired(name: str, tmp_path: Path, capsys: pytest
         mesh = read_mesh(tmp_path / "good.vtu")
     assert [mesh.n_cells, mesh.n_vertices] == expected["fixed"]
     assert round(float(measure(mesh).area_c.sum()), 5) == expected["area"]
+
+
+def test_a_med_file_of_medcoupling_runs(tmp_path: Path) -> None:
+    """The example of the how-to page on meshes."""
+    pytest.importorskip("medcoupling")
+    pytest.importorskip("h5py")
+    shutil.copytree(CORPUS.parents[1] / "demos" / "meshes", tmp_path, dirs_exist_ok=True)
+    subprocess.run([sys.executable, "write_med.py", "blocks.med"], cwd=tmp_path, check=True)
+    problem, options = read_problem(tmp_path / "med.toml")
+    result = run(problem, options=dataclasses.replace(options, steps=2))
+    assert result.n_cells == 10
+    assert set(result.min_j) == {"gap", "block", "base"}
+    assert result.reaction == pytest.approx(-0.0015781456, rel=1e-6)
