@@ -46,11 +46,13 @@ class Recorder:
         checkpoint_every: converged steps between checkpoints; 0 for none.
         monitor: hears about steps.
         timer: phases of the run.
+        triangulated: write the fields once more, cut into triangles.
     """
 
     def __init__(
         self, problem: Problem, system: Any, gauge: Gauge, inputs: Mapping[str, Any],
         directory: RunDirectory | None, times: Sequence[float], checkpoint_every: int, monitor: Monitor, timer: Timer,
+        *, triangulated: bool = False,
     ) -> None:  # fmt: skip
         self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
         self.gauge, self.monitor, self.timer = gauge, monitor, timer
@@ -65,7 +67,10 @@ class Recorder:
         self._durable_until, self._is_durable = time.monotonic() + DURABLE, True
         self._snapshots: SnapshotWriter | None = None
         if directory is not None and times:
-            self._snapshots = SnapshotWriter(system, directory.path, tuple(times), problem.units(), media_of(problem))
+            self._snapshots = SnapshotWriter(
+                system, directory.path, tuple(times), problem.units(), media_of(problem), triangulated=triangulated,
+                order=self._order,
+            )  # fmt: skip
 
     def record(self, step: Step, states: States, position: Position, residual: Any) -> None:
         """Record a converged step; called on all ranks."""

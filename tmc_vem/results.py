@@ -27,9 +27,20 @@ from tmc_vem.probes import GAP, RESERVED, RESERVED_STARTS
 SCHEMA, OLDEST = 1, 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
 COMMAND = "command.json"
+TRIANGULATED = "triangulated"  # fields cut into triangles: the collection, and what their files begin with
 # groups of values in a record, and what their columns begin with
 _GROUPS = {"min_j": "min_j_", "energy": "energy_", "parameters": "parameter_"}
-_OWN = (RESULT, HISTORY, FIELDS, COLLECTION, PICTURE, COMMAND, "checkpoint.npz", "checkpoint-before.npz")
+_OWN = (
+    RESULT,
+    HISTORY,
+    FIELDS,
+    COLLECTION,
+    f"{TRIANGULATED}.pvd",
+    PICTURE,
+    COMMAND,
+    "checkpoint.npz",
+    "checkpoint-before.npz",
+)
 
 
 @dataclass(frozen=True)
@@ -211,11 +222,11 @@ class RunResult:
 
         return to_pandas(self)
 
-    def to_pyvista(self, load: float = 1.0) -> Any:
+    def to_pyvista(self, load: float = 1.0, *, triangulated: bool = False) -> Any:
         """Fields at a load factor as a PyVista mesh, see :func:`tmc_vem.export.to_pyvista`."""
         from tmc_vem.export import to_pyvista
 
-        return to_pyvista(self, load)
+        return to_pyvista(self, load, triangulated=triangulated)
 
     def to_meshio(self, load: float = 1.0) -> Any:
         """Fields at a load factor as a meshio mesh, see :func:`tmc_vem.export.to_meshio`."""

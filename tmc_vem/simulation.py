@@ -47,6 +47,7 @@ class RunOptions:
         max_iterations: Newton iterations after which the run ends, or None; failed attempts count.
         max_seconds: wall time after which the run ends, or None.
         snapshots: load steps that are written as VTU files, evenly spread over the load.
+        triangulated: write them once more with cells cut into triangles, in which all filters of VTK are exact.
         checkpoint_every: converged load steps between checkpoints in the output directory; 0 for none.
         overwrite: replace an earlier run in the output directory.
     """
@@ -64,6 +65,7 @@ class RunOptions:
     max_iterations: int | None = None
     max_seconds: float | None = None
     snapshots: int = 10
+    triangulated: bool = False
     checkpoint_every: int = 1
     overwrite: bool = False
 
@@ -168,7 +170,7 @@ def run(
             comm.barrier()
             recorder = Recorder(
                 problem, system, gauge, run_inputs(problem, options), directory, _snapshot_times(path, options),
-                options.checkpoint_every, monitor, timer,
+                options.checkpoint_every, monitor, timer, triangulated=options.triangulated,
             )  # fmt: skip
             if directory is not None and lock is not None and not lock.held:
                 recorder.warnings.append(

@@ -181,6 +181,16 @@ class _Parser:
             raise InputError(f"'{' '.join(words)[:60]}' lacks a number, or has more than the file can hold")
         return n
 
+    def _pass_text(self) -> None:
+        """Pass over a text: a line, or bytes after their number, whose first two bits tell how long it is itself."""
+        if not self.binary:
+            self._line()
+            return
+        first = self.content[self.at : self.at + 1]
+        width = {3: 1, 2: 2, 1: 4, 0: 8}[first[0] >> 6] if first else 1
+        number = int.from_bytes(self.content[self.at : self.at + width], "big") & ((1 << (8 * width - 2)) - 1)
+        self.at += width + number
+
     def _array(self, n: int, kind: str) -> Array:
         """The next ``n`` numbers.
 
@@ -190,7 +200,9 @@ class _Parser:
         name = TYPES.get(kind.lower())
         if kind.lower() in ("string", "variant"):
             for _ in range(n):
-                self._line()
+                self._pass_text()
+            if self.binary and self.content[self.at : self.at + 1] == b"\n":
+                self.at += 1
             return np.zeros(n)
         if name is None:
             raise InputError(f"the type '{kind}' of an array is not known")
