@@ -16,6 +16,7 @@ from pathlib import Path
 from tmc_vem.errors import InputError, Note
 from tmc_vem.mesh.between import parts_of
 from tmc_vem.mesh.check import find_faults, summaries
+from tmc_vem.mesh.files import isolated
 from tmc_vem.mesh.files.record import Reading, Record
 from tmc_vem.mesh.polygon import PolygonMesh
 
@@ -23,6 +24,7 @@ from tmc_vem.mesh.polygon import PolygonMesh
 FORMATS = (".vtu", ".vtk", ".msh", ".inp", ".obj", ".mat", ".nc")
 WITHOUT_NAMES = (".off",)
 READ_ONLY = (".med", ".vtp")
+_ISOLATED = (".mat", ".nc", ".med")  # read by libraries in C
 _READERS = {kind: kind[1:] for kind in (*FORMATS, *WITHOUT_NAMES, *READ_ONLY)} | {".nc": "ugrid", ".vtp": "vtu"}
 
 
@@ -100,9 +102,11 @@ def _record(path: Path, kind: str, reading: Reading, called: str) -> Record:
     Raises:
         InputError: it cannot be read; the message has the reason.
     """
-    reader = import_module(f"tmc_vem.mesh.files.{_READERS[kind]}")
+    module = f"tmc_vem.mesh.files.{_READERS[kind]}"
     try:
-        record: Record = reader.read(path, reading)
+        if kind in _ISOLATED:
+            return isolated.read(module, path, reading)
+        record: Record = import_module(module).read(path, reading)
     except InputError as error:
         raise _of_file(called, kind, str(error)) from None
     except OSError as error:

@@ -19,6 +19,7 @@ Int = NDArray[np.int64]
 # Points count as in a plane if they are off it by no more than this fraction of their extent: single precision will do.
 FLAT = 1e-6
 AXES = "xyz"
+HUGE = 1e100
 
 
 def assemble(record: Record, reading: Reading) -> PolygonMesh:
@@ -30,6 +31,9 @@ def assemble(record: Record, reading: Reading) -> PolygonMesh:
     if not record.loops:
         raise InputError("it has no plane cells")
     sizes = np.array([len(loop) for loop in record.loops], dtype=np.int64)
+    few = np.flatnonzero(sizes < 3)
+    if len(few):
+        raise InputError(f"cell {few[0]} has {sizes[few[0]]} vertices; a polygon needs at least 3")
     offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
     flat = np.concatenate(record.loops).astype(np.int64)
     outside = np.flatnonzero((flat < 0) | (flat >= len(record.points)))
@@ -65,10 +69,15 @@ def _in_plane(points: Float, used: Int, notes: list[str]) -> Float:
     Raises:
         InputError: all three do.
     """
-    if points.shape[1] == 2 or not len(points):
+    if not len(points):
         return points
     if not np.isfinite(points[used]).all():
         return points[:, :2]  # which vertex it is, is said later
+    far = used[np.abs(points[used]).max(axis=1) > HUGE]
+    if len(far):
+        raise InputError(f"vertex {far[0]} is at {points[far[0]].tolist()}: coordinates beyond {HUGE:g} are none")
+    if points.shape[1] == 2:
+        return points
     extent = np.ptp(points[used], axis=0)
     for constant in (2, 1, 0):
         if extent[constant] <= FLAT * extent.max():
@@ -176,7 +185,7 @@ def _edges(record: Record, names: _Names, number: Int) -> dict[str, list[Int]]:
     found: dict[str, list[Int]] = {}
     for group in record.edges:
         name = names.of(group, "curve")
-        pairs = number[group.members.reshape(-1, 2)]
+        pairs = number[_within(group.members, len(number), f"named edges '{name}'").reshape(-1, 2)]
         there = (pairs >= 0).all(axis=1)
         if not there.all():
             which = "none" if not there.any() else f"{int((~there).sum())}"
@@ -189,12 +198,20 @@ def _edges(record: Record, names: _Names, number: Int) -> dict[str, list[Int]]:
     return found
 
 
+def _within(nodes: Int, n_nodes: int, what: str) -> Int:
+    """The nodes, which must be there."""
+    outside = nodes[(nodes < 0) | (nodes >= n_nodes)]
+    if len(outside):
+        raise InputError(f"{what} refers to vertex {outside[0]}; there are {n_nodes} vertices")
+    return nodes
+
+
 def _add_nodes(
     name: str, group: Group, number: Int, sides: _Sides, named_points: dict[str, int],
     named_edges: dict[str, list[Int]], notes: list[str],
 ) -> None:  # fmt: skip
     """A group of one node is a named point; of several, the sides between them are named edges."""
-    there = number[group.members]
+    there = number[_within(group.members, len(number), f"'{name}'")]
     vertices = np.unique(there[there >= 0])
     if not len(vertices):
         if len(group.members):

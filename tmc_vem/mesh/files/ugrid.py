@@ -80,7 +80,7 @@ def _loops(rows: NDArray[np.generic], table: Variable) -> list[Int]:
 
 def _own_names(record: Record, variables: dict[str, Variable]) -> None:
     """Names that this program writes: of regions as meanings of flags, of points and edges as variables."""
-    for name, v in variables.items():
+    for name, v in sorted(variables.items(), key=lambda item: (len(item[0]), item[0])):
         meanings = [unquoted(word) for word in v.text("flag_meanings").split()]
         values = np.ravel(v.attributes.get("flag_values", NONE))
         if name == "region" and len(values) == len(meanings):
