@@ -231,6 +231,17 @@ def _entities(found: _File, entities: Tokens, version: float, partitioned: bool)
 # -- the record --------------------------------------------------------------------------------------------------------
 
 
+def _repeated(found: _File) -> bool:
+    """Whether a cell is there more than once."""
+    for corners in (3, 4):
+        kinds = [nodes[:, :corners] for kind, _, nodes in found.elements if _type(kind)[:2] == (2, corners)]
+        rows = np.sort(np.concatenate([*kinds, np.empty((0, corners), dtype=np.int64)]), axis=1)
+        rows = rows[np.lexsort(rows.T)]
+        if (rows[1:] == rows[:-1]).all(axis=1).any():
+            return True
+    return False
+
+
 def _record(found: _File) -> Record:
     tags = np.concatenate([*found.tags, np.empty(0, dtype=np.int64)])
     points = np.concatenate([*found.points, np.zeros((0, 3))])
@@ -254,6 +265,7 @@ def _record(found: _File) -> Record:
     middles = [np.empty(0, dtype=np.int64)]
     known: dict[tuple[int, ...], tuple[int, set[int]]] = {}  # cell and groups by its nodes
     solids: list[str] = []
+    repeated = _repeated(found)
     for kind, groups, nodes in found.elements:
         dimension, n_corners, _ = _type(kind)
         if dimension == 3:
@@ -266,6 +278,12 @@ def _record(found: _File) -> Record:
             middles.append(local[:, dimension + 1 :].ravel())
             continue
         middles.append(local[:, n_corners:].ravel())
+        if not repeated:
+            cells = len(loops) + np.arange(len(local))
+            loops += list(local[:, :n_corners])
+            for group in groups:
+                members.setdefault((2, group), []).append(cells)
+            continue
         for loop in local[:, :n_corners]:
             # version 2 repeats a cell for every further group that it is in
             cell, there = known.setdefault(tuple(sorted(loop.tolist())), (len(loops), set()))

@@ -75,8 +75,9 @@ def _nested(
         innermost = min(combination, key=lambda n: (len(members[n]), -ranks[n], n))
         for n in combination:
             if not np.isin(members[innermost], members[n], assume_unique=True).all():
+                first, second = sorted((n, innermost))
                 raise InputError(
-                    f"cell {cells_in[0]} is in the groups '{names[n]}' and '{names[innermost]}', and neither contains "
+                    f"cell {cells_in[0]} is in the groups '{names[first]}' and '{names[second]}', and neither contains "
                     "the other: a cell has one region"
                 )
         group_c[cells_in] = innermost
