@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from tmc_vem.mesh.files.regions import regions_of
 from tmc_vem.mesh.io import read_mesh, write_mesh
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.quality import measure
+from tmc_vem.notes import heard_by
 from tmc_vem.problem_file import read_problem
 
 CORPUS = Path(__file__).parents[1] / "corpus"
@@ -183,6 +185,30 @@ solve = { steps = 2 }
     (tmp_path / "joined.toml").write_text(text.replace(', cracks = "keep"', ""))
     with pytest.raises(InputError, match=r"vertices 5 and 9 are both at \(2, 1\)"):
         read_problem(tmp_path / "joined.toml")[0].make_mesh()
+
+
+@pytest.mark.parametrize("method", ["vem", "fem"])
+def test_a_support_at_a_group_of_points_holds_them_all(tmp_path: Path, method: str) -> None:
+    """The file's two corners by their group, and by their places."""
+    (tmp_path / "a.msh").write_bytes((CORPUS / "groups" / "named-4.1.msh").read_bytes())
+    text = """name = "corners"
+mesh = { file = "a.msh" }
+regions = { block = { solid = { K = 20, mu = 10 } }, medium = { solid = { K = 20, mu = 10 } } }
+load = { at = "top", uy = 0.1 }
+"""
+    group = 'support = [{ at = "corners", ux = 0, uy = 0 }]\n'
+    both = 'support = [{ at = "left", ux = 0, uy = 0 }, { at = "right", ux = 0, uy = 0 }]\n'
+    reactions = []
+    for name, support in (("group", group), ("places", f"{both}points = {{ left = [0, 0], right = [1, 0] }}\n")):
+        (tmp_path / f"{name}.toml").write_text(text + support)
+        problem, options = read_problem(tmp_path / f"{name}.toml")
+        notes: list[str] = []
+        with heard_by(notes.append):
+            result = run(problem, options=dataclasses.replace(options, method=method, steps=1))
+        assert "points corners#1, corners#2" in notes[0]
+        reactions.append(result.reaction)
+    assert abs(reactions[0]) > 0.1
+    assert reactions[0] == pytest.approx(reactions[1], rel=1e-9)
 
 
 # -- others ------------------------------------------------------------------------------------------------------------

@@ -72,28 +72,17 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _run(arguments: list[str] | None) -> int:
-    import warnings
+    from tmc_vem.notes import heard_by
 
-    with warnings.catch_warnings():
-        _print_notes(warnings)
+    said: set[str] = set()
+
+    def show(note: str) -> None:
+        if note not in said and _rank() == 0:
+            said.add(note)
+            click.echo(f"tmc-vem: note: {_one_line(note)}", err=True)
+
+    with heard_by(show):
         return _exit_code(arguments)
-
-
-def _print_notes(warnings: Any) -> None:
-    """Each note in one line, once, and only by the first rank; other warnings as Python does."""
-    from tmc_vem.errors import Note
-
-    usual, said = warnings.showwarning, set()
-
-    def show(message: Any, category: type[Warning], *where: Any, **more: Any) -> None:
-        if not issubclass(category, Note):
-            usual(message, category, *where, **more)
-        elif str(message) not in said and _rank() == 0:
-            said.add(str(message))
-            click.echo(f"tmc-vem: note: {_one_line(str(message))}", err=True)
-
-    warnings.simplefilter("always", Note)
-    warnings.showwarning = show
 
 
 def _exit_code(arguments: list[str] | None) -> int:

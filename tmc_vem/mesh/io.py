@@ -1,4 +1,4 @@
-"""Read and write meshes, in the formats of :mod:`tmc_vem.mesh.files`.
+"""Read and write meshes, in the formats of ``tmc_vem.mesh.files``.
 
 Everything a mesh has survives writing and reading, in the same order: regions, named points and named edges. Each
 format says so in its own way. MSH has physical groups and INP sets; in VTU and VTK, vertices and edges with names are
@@ -8,17 +8,17 @@ OBJ, groups are regions, and comments hold the names. MSH and INP know triangles
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 
-from tmc_vem.errors import InputError, Note
+from tmc_vem.errors import InputError
 from tmc_vem.mesh.between import parts_of
 from tmc_vem.mesh.check import find_faults, summaries
 from tmc_vem.mesh.files import isolated
 from tmc_vem.mesh.files.record import Reading, Record
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.notes import say
 
 # Formats that hold all of a mesh; those that are written without names; those that are only read.
 FORMATS = (".vtu", ".vtk", ".msh", ".inp", ".obj", ".mat", ".nc")
@@ -59,7 +59,7 @@ def read_mesh(
         names: for groups, by their number or their name in the file.
         region_data: cell data whose values are the regions' numbers.
         cracks: ``"keep"`` takes vertices at the same place for cracks; else they are refused.
-        notes: gets what should be known about how the file was read; without it, each is a warning of class ``Note``.
+        notes: gets what should be known about how the file was read; else it is said, see :mod:`tmc_vem.notes`.
         called: what messages call the file.
 
     Raises:
@@ -85,7 +85,7 @@ def read_mesh(
         notes += record.notes
     else:
         for note in record.notes:
-            warnings.warn(f"{called}: {note}", Note, stacklevel=2)
+            say(f"{called}: {note}")
     faults = find_faults(mesh, cracks=cracks == "keep") if validate else []
     if faults:
         lines = summaries(faults)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import COMPONENTS, Prescribed
+from tmc_vem.constraints import COMPONENTS, Prescribed, is_called
 from tmc_vem.energy import Energy
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.far import moved, near, origin_for
@@ -85,7 +85,7 @@ class OwnProblem:
             mesh.named_points, named_edges, validate=False,
         )  # fmt: skip
         for where in [condition.at for condition in (*table.support, table.load)]:
-            if where not in mesh.named_points and where not in mesh.named_edges:
+            if where not in mesh.named_edges and not any(is_called(name, where) for name in mesh.named_points):
                 known = ", ".join([*mesh.named_points, *mesh.named_edges]) or "none"
                 raise InputError(f"'{where}' is neither a point nor edges (there are: {known})")
         for name, probe in self.probes().items():

@@ -11,17 +11,17 @@ spaces.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.errors import InputError, Note
+from tmc_vem.errors import InputError
 from tmc_vem.mesh.faults import SHORT, short_edges
 from tmc_vem.mesh.geometry import diameters
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.notes import say
 from tmc_vem.validation import check_fields, require_choice
 from tmc_vem.vem.quadrature import star_shaped, sub_triangles
 from tmc_vem.vem.rules import CellRule, compressed, convex, on_sub_triangles, simple
@@ -204,12 +204,10 @@ def _note_short_edges(mesh: PolygonMesh, order: int, cell_ids: Int | None) -> No
         a, b = short[0]
         c = next(c for c, loop in enumerate(mesh.cells()) if len(loop) > 4 and a in loop and b in loop)
         x, y = mesh.points_vx[a]
-        warnings.warn(
+        say(
             f"{len(short)} edges are shorter than {limit:g} of the width of their cells; with order {order} this costs "
             f"digits: the first is of cell {c if cell_ids is None else cell_ids[c]} at ({x:.6g}, {y:.6g}); "
-            f"'tmc-vem mesh check FILE --fix OUT --tolerance {limit:g}' collapses them",
-            Note,
-            stacklevel=2,
+            f"'tmc-vem mesh check FILE --fix OUT --tolerance {limit:g}' collapses them"
         )
 
 

@@ -229,7 +229,7 @@ def _add_nodes(
     if len(pairs):
         named_edges.setdefault(name, []).append(pairs)
     if len(alone):
-        called = [f"{name}_{n + 1}" for n in range(len(alone))]
+        called = [f"{name}#{n + 1}" for n in range(len(alone))]
         named_points.update(dict(zip(called, alone.tolist(), strict=True)))
         which = "" if not len(pairs) else f", and edges '{name}'"
         notes.append(f"'{name}' has {len(alone)} nodes that no side joins: points {', '.join(called[:3])}"
