@@ -15,7 +15,10 @@ ROOT = Path(__file__).parents[1]
 PAGES = (
     "README.md",
     "docs/guide/tutorial.md",
-    *(f"docs/howto/{name}.md" for name in ("hanging-nodes", "paraview", "probes", "restart", "solver-options")),
+    *(
+        f"docs/howto/{name}.md"
+        for name in ("hanging-nodes", "own-mesh", "paraview", "probes", "restart", "solver-options")
+    ),
 )
 BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 

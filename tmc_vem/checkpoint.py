@@ -123,14 +123,17 @@ class Checkpoint:
         """The states (n_states, n, 2) at nodes with these labels.
 
         Raises:
-            InputError: a node is not in the checkpoint, which then belongs to another mesh.
+            InputError: a node is not in the checkpoint, which then belongs to another mesh; or two are at one place.
         """
         from scipy.spatial import cKDTree
 
         if not len(labels_nz):
             return np.empty((len(self.states_sni), 0, 2))
-        distance, position = cKDTree(self.labels_nz).query(labels_nz)
+        tree = cKDTree(self.labels_nz)
+        distance, position = tree.query(labels_nz)
         extent = np.ptp(self.labels_nz[:, :2], axis=0).max()
+        if tree.query_pairs(TOLERANCE * extent, output_type="ndarray").size:
+            raise InputError("the mesh has cracks, whose nodes are at the same place: its runs cannot be resumed")
         far = np.flatnonzero(distance > TOLERANCE * extent)
         if len(far):
             x, y = labels_nz[far[0], :2]

@@ -15,6 +15,10 @@ class InputError(TmcError):
     exit_code = 2
 
 
+class Note(UserWarning):
+    """Something that a user should know about how an input was read; the command line prints it in one line."""
+
+
 class EvaluationError(TmcError):
     """The potential could not be evaluated at a state; raised on all ranks, whichever failed, and all cut the step."""
 

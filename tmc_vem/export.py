@@ -12,6 +12,7 @@ from tmc_vem.fields import Fields
 from tmc_vem.report.snapshots import nearest, read_fields, snapshots
 from tmc_vem.results import COLUMNS, RunResult
 from tmc_vem.units import COORDINATES, Units
+from tmc_vem.vtk_types import cell_types, to_vtk
 
 
 def to_pandas(result: RunResult) -> Any:
@@ -48,21 +49,28 @@ def to_meshio(result: RunResult, load: float = 1.0) -> Any:
     )
 
 
-def to_pyvista(result: RunResult, load: float = 1.0) -> Any:
-    """Fields of the written load step nearest to a load factor, as a ``pyvista.PolyData`` of the reference state.
+def to_pyvista(result: RunResult, load: float = 1.0, *, triangulated: bool = False) -> Any:
+    """Fields of the written load step nearest to a load factor, as a ``pyvista.UnstructuredGrid``, undeformed.
 
-    ``mesh.warp_by_vector("displacement")`` deforms it. ``field_data`` has the regions' names and the fields' units,
+    ``mesh.warp_by_vector("displacement")`` deforms it. Filters that interpolate are exact in plain triangles and
+    quadrilaterals, and in all cells if ``triangulated``. ``field_data`` has the regions' names and the fields' units,
     which are also in the arrays' information, as in the VTU files.
 
+    Args:
+        result: the run.
+        load: factor, or coordinate on the load path.
+        triangulated: the cells cut into triangles that a run with this option has written.
+
     Raises:
-        InputError: PyVista is not installed, or the run has no fields.
+        InputError: PyVista is not installed, or the run has no such fields.
     """
     pyvista = _required("pyvista")
-    fields = fields_at(result, load)
+    fields = fields_at(result, load, triangulated=triangulated)
     polygons = fields.polygons
-    sizes = np.diff(polygons.offsets)
-    faces = np.insert(polygons.connectivity, polygons.offsets[:-1], sizes)
-    mesh = pyvista.PolyData(_in_space(polygons.points_nx), faces=faces)
+    types = cell_types(polygons.points_nx, polygons.offsets, polygons.connectivity)
+    nodes = to_vtk(polygons.offsets, polygons.connectivity, types)
+    cells = np.insert(nodes, polygons.offsets[:-1], np.diff(polygons.offsets))
+    mesh = pyvista.UnstructuredGrid(cells, types.astype(np.uint8), _in_space(polygons.points_nx))
     mesh.point_data["displacement"] = _in_space(fields.displacement_ni)
     for name, values in _cell_data(fields).items():
         mesh.cell_data[name] = values
@@ -75,13 +83,13 @@ def to_pyvista(result: RunResult, load: float = 1.0) -> Any:
     return mesh
 
 
-def fields_at(result: RunResult, load: float) -> Fields:
-    """Fields of the written load step nearest to a load factor.
+def fields_at(result: RunResult, load: float, *, triangulated: bool = False) -> Fields:
+    """Fields of the written load step nearest to a load factor, as they are or cut into triangles.
 
     Raises:
-        InputError: the run has no fields.
+        InputError: the run has no such fields.
     """
-    return read_fields(result, nearest(snapshots(result), load))
+    return read_fields(result, nearest(snapshots(result, triangulated=triangulated), load))
 
 
 def _blocks(fields: Fields) -> tuple[list[Any], list[Any]]:
@@ -99,6 +107,7 @@ def _cell_data(fields: Fields) -> dict[str, Any]:
         "min_J": fields.min_jacobian_c,
         "energy_density": fields.energy_density_c,
         "region": fields.polygons.region_c,
+        "medium": (~fields.polygons.is_solid_c).astype(np.uint8),
     }
 
 

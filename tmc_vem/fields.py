@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,9 +16,9 @@ Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
 
-def is_medium(region: str) -> bool:
-    """Whether a region is third medium, which its name says: it begins with ``medium``."""
-    return region.startswith("medium")
+def is_medium(region: str, media: Collection[str] | None = None) -> bool:
+    """Whether a region is one of the media; without these, as in runs of earlier versions, its name says it."""
+    return region.startswith("medium") if media is None else region in media
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,7 @@ class Polygons:
         connectivity: points of all polygons, counter-clockwise.
         region_c: (n_cells,) region of each cell.
         region_names: names of the regions.
+        media: names of those that are third medium; None if only the names tell.
     """
 
     points_nx: Float
@@ -38,6 +39,7 @@ class Polygons:
     connectivity: Int
     region_c: Int
     region_names: tuple[str, ...]
+    media: tuple[str, ...] | None = None
 
     @property
     def n_cells(self) -> int:
@@ -47,8 +49,9 @@ class Polygons:
     @property
     def is_solid_c(self) -> NDArray[np.bool_]:
         """(n_cells,) which cells are not of third medium."""
-        solid: NDArray[np.bool_] = np.array([not is_medium(name) for name in self.region_names])[self.region_c]
-        return solid
+        solid = np.array([not is_medium(name, self.media) for name in self.region_names], dtype=bool)
+        of_cells: NDArray[np.bool_] = solid[self.region_c]
+        return of_cells
 
     def cell(self, c: int) -> Int:
         """Points of cell ``c``."""
@@ -86,6 +89,7 @@ class Fields:
             ),
             region_c=np.concatenate([part.polygons.region_c for part in parts]),
             region_names=parts[0].polygons.region_names,
+            media=parts[0].polygons.media,
         )
         return Fields(
             polygons,
@@ -105,9 +109,9 @@ def units_label(unit: str) -> str:
 def write_pvtu(path: Path, pieces: Sequence[str], units: Units | None = None) -> None:
     """Write the file that puts the pieces of several ranks, of :class:`tmc_vem.vtu.VtuWriter` beside it, together."""
     unit = {name: units_label(label) for name, label in (units or Units()).of_fields().items()}
+    kinds = {"J": "Float64", "min_J": "Float64", "energy_density": "Float64", "region": "Int64", "medium": "UInt8"}
     per_cell = "".join(
-        f'      <PDataArray type="{kind}" Name="{name}">{unit[name]}</PDataArray>\n'
-        for name, kind in (("J", "Float64"), ("min_J", "Float64"), ("energy_density", "Float64"), ("region", "Int64"))
+        f'      <PDataArray type="{kind}" Name="{name}">{unit[name]}</PDataArray>\n' for name, kind in kinds.items()
     )
     sources = "".join(f'    <Piece Source="{name}"/>\n' for name in pieces)
     path.write_text(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.fields import Fields, Polygons
 from tmc_vem.mesh.locate import TOLERANCE
-from tmc_vem.output import FieldSource
+from tmc_vem.output import FieldSource, polygons_of
 from tmc_vem.parallel import on_root
 from tmc_vem.report.contact import Overlap, find_overlap
 from tmc_vem.report.rings import Change, Rings
@@ -162,16 +162,16 @@ class OverlapWatch:
 
     def _watched(self) -> _Outline:
         if self._outline is None:
-            self._outline = _Outline(self._system, self._order)
+            self._outline = _Outline(self._system, self._media, self._order)
         return self._outline
 
 
 class _Outline:
     """The outline of all solids on rank 0, and which of its points each rank has."""
 
-    def __init__(self, system: Watched, order: int) -> None:
+    def __init__(self, system: Watched, media: Sequence[str], order: int) -> None:
         self._system, self._order = system, order
-        mine = system.output_polygons()
+        mine = polygons_of(system, media)
         parts = system.comm.gather((mine, system.cell_numbers()))
         self._polygons: Polygons | None = None
         wanted: list[Int] | None = None

@@ -25,7 +25,7 @@ from tmc_vem.output import SnapshotWriter, gather_fields
 from tmc_vem.overlap import OverlapWatch
 from tmc_vem.parallel import on_every_rank, on_root
 from tmc_vem.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of
-from tmc_vem.problems.base import Problem
+from tmc_vem.problems.base import Problem, media_of
 from tmc_vem.provenance import versions
 from tmc_vem.report.contact import check_contact
 from tmc_vem.results import PICTURE, RunResult, StepRecord
@@ -52,12 +52,13 @@ class Recorder:
         monitor: hears about steps.
         timer: phases of the run.
         watch: knows whether solids overlap in the state that converged last.
+        triangulated: write the fields once more, cut into triangles.
     """
 
     def __init__(
         self, problem: Problem, system: Any, gauge: Gauge, inputs: Mapping[str, Any],
         directory: RunDirectory | None, times: Sequence[float], checkpoint_every: int, monitor: Monitor, timer: Timer,
-        watch: OverlapWatch,
+        watch: OverlapWatch, *, triangulated: bool = False,
     ) -> None:  # fmt: skip
         self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
         self.gauge, self.monitor, self.timer, self.watch = gauge, monitor, timer, watch
@@ -74,7 +75,10 @@ class Recorder:
         self._durable_until, self._is_durable = time.monotonic() + DURABLE, True
         self._snapshots: SnapshotWriter | None = None
         if directory is not None and times:
-            self._snapshots = SnapshotWriter(system, directory.path, tuple(times), problem.units())
+            self._snapshots = SnapshotWriter(
+                system, directory.path, tuple(times), problem.units(), media_of(problem), triangulated=triangulated,
+                order=self._order,
+            )  # fmt: skip
 
     def record(self, step: Step, states: States, position: Position, residual: Any) -> None:
         """Record a converged step; called on all ranks."""
@@ -199,7 +203,7 @@ class Recorder:
             balance_of_energy = energy_balance(self.history)
             if balance_of_energy:
                 checks["energy_balance"] = balance_of_energy.as_dict()
-            fields = gather_fields(self.system, u)
+            fields = gather_fields(self.system, u, media_of(self.problem))
             if fields is not None:
                 contact = check_contact(fields, self._order)
                 checks |= {**contact.as_dict(), "summary": contact.summary()}
@@ -208,7 +212,7 @@ class Recorder:
             with self.timer("picture"):
                 self._draw(fields, self.directory.path / PICTURE)
         history = self.history
-        media = [name for name, region in self.problem.regions().items() if region.is_medium]
+        media = media_of(self.problem)
         evidence = Evidence(self.inputs, history, checks, media, self.system.size, outcome.complete)
         findings = by_weight([*findings_of(evidence), *self.findings])
         result = RunResult(
@@ -227,6 +231,7 @@ class Recorder:
             directory=None if self.directory is None else self.directory.path,
             units=self._units(history[-1]) if history else {},
             cut_short=cut_short and not outcome.complete,
+            media=tuple(media),
         )
         if self.directory is not None:
             directory = self.directory

@@ -24,6 +24,7 @@ from tmc_vem.validation import shown
 # ``from_row`` leaves both alone; a changed meaning raises both.
 SCHEMA, OLDEST = 1, 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
+TRIANGULATED = "triangulated"  # fields cut into triangles: the collection, and what their files begin with
 # groups of values in a record, and what their columns begin with
 _GROUPS = {"min_j": "min_j_", "energy": "energy_", "parameters": "parameter_"}
 # what tells a run directory from others
@@ -153,6 +154,7 @@ class RunResult:
             :mod:`tmc_vem.plausibility`. Run directories from before they were told apart have warnings only.
         parallel: ranks, linear solver, imbalance and peak memory, see :func:`tmc_vem.balance.balance`.
         seconds: wall time by phase.
+        media: names of the regions that are third medium; None in old runs, where they begin with ``medium``.
         history: the load steps.
         directory: where the run was written, or None.
         cut_short: a limit on work has ended the run, so that it can be resumed.
@@ -180,6 +182,7 @@ class RunResult:
     units: Mapping[str, str] = field(default_factory=dict)
     cut_short: bool = False
     unfinished: str = ""
+    media: Sequence[str] | None = None
 
     @property
     def state(self) -> str:
@@ -227,11 +230,11 @@ class RunResult:
 
         return to_pandas(self)
 
-    def to_pyvista(self, load: float = 1.0) -> Any:
+    def to_pyvista(self, load: float = 1.0, *, triangulated: bool = False) -> Any:
         """Fields at a load factor as a PyVista mesh, see :func:`tmc_vem.export.to_pyvista`."""
         from tmc_vem.export import to_pyvista
 
-        return to_pyvista(self, load)
+        return to_pyvista(self, load, triangulated=triangulated)
 
     def to_meshio(self, load: float = 1.0) -> Any:
         """Fields at a load factor as a meshio mesh, see :func:`tmc_vem.export.to_meshio`."""
@@ -256,6 +259,7 @@ class RunResult:
             "min_j": dict(self.min_j),
             "energy": dict(last.energy) if last else {},
             "units": dict(self.units),
+            "media": None if self.media is None else list(self.media),
             "n_cells": self.n_cells,
             "n_dofs": self.n_dofs,
             "steps": self.steps,
@@ -296,7 +300,7 @@ class RunResult:
             names = ("inputs", "versions", "complete", "reason", "load", "n_cells", "n_dofs", "newton_iterations",
                      "cut_backs", "projection_degrees", "seconds")  # fmt: skip
             # not in the first runs
-            optional = ("checks", "parallel", "errors", "warnings", "units", "cut_short", "unfinished")
+            optional = ("checks", "parallel", "errors", "warnings", "units", "cut_short", "unfinished", "media")
             later = {name: data[name] for name in optional if name in data}
             _check_types({name: data[name] for name in (*names, *later)})
             return RunResult(**{name: data[name] for name in names}, history=history, directory=path, **later)

@@ -15,10 +15,22 @@ from typing import Any
 from tmc_vem.errors import InputError
 from tmc_vem.files import remove_unfinished, write_atomically
 from tmc_vem.lock import LOCK, DirectoryLock
-from tmc_vem.results import COLLECTION, FIELDS, HISTORY, MARKS, PICTURE, RESULT, RunResult, StepRecord, finite, heading
+from tmc_vem.results import (
+    COLLECTION,
+    FIELDS,
+    HISTORY,
+    MARKS,
+    PICTURE,
+    RESULT,
+    TRIANGULATED,
+    RunResult,
+    StepRecord,
+    finite,
+    heading,
+)  # fmt: skip
 from tmc_vem.unfinished import BEFORE, BEGUN, CHECKPOINT, COMMAND, process_facts
 
-_OWN = (RESULT, HISTORY, FIELDS, COLLECTION, PICTURE, COMMAND, BEGUN, CHECKPOINT, BEFORE)
+_OWN = (RESULT, HISTORY, FIELDS, COLLECTION, f"{TRIANGULATED}.pvd", PICTURE, COMMAND, BEGUN, CHECKPOINT, BEFORE)
 
 
 class RunDirectory:

@@ -13,7 +13,7 @@ from tmc_vem.fem.settings import FemSettings
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.monitor import Monitor
 from tmc_vem.parallel import on_every_rank, on_root
-from tmc_vem.problems.base import Problem, RegionEnergy
+from tmc_vem.problems.base import Problem, RegionEnergy, media_of
 from tmc_vem.results import RunResult
 from tmc_vem.run_directory import RunDirectory
 from tmc_vem.solve.path import Control, ControlPath
@@ -51,6 +51,7 @@ class RunOptions:
         max_iterations: Newton iterations after which the run ends, or None; failed attempts count.
         max_seconds: wall time after which the run ends, or None.
         snapshots: load steps that are written as VTU files, evenly spread over the load.
+        triangulated: write them once more with cells cut into triangles, in which all filters of VTK are exact.
         checkpoint_every: converged load steps between checkpoints in the output directory; 0 for none.
         overwrite: replace an earlier run in the output directory.
     """
@@ -69,6 +70,7 @@ class RunOptions:
     max_iterations: int | None = None
     max_seconds: float | None = None
     snapshots: int = 10
+    triangulated: bool = False
     checkpoint_every: int = 1
     overwrite: bool = False
 
@@ -181,7 +183,7 @@ def run(
             comm.barrier()
             recorder = Recorder(
                 problem, system, gauge, run_inputs(problem, options), directory, _snapshot_times(path, options),
-                options.checkpoint_every, monitor, timer, watch,
+                options.checkpoint_every, monitor, timer, watch, triangulated=options.triangulated,
             )  # fmt: skip
             if directory is not None and lock is not None and not lock.held:
                 text = f"the file system of {directory.path} has no locks: only one run may write there"
@@ -265,11 +267,6 @@ def _snapshot_times(path: ControlPath, options: RunOptions) -> list[float]:
         return []
     pieces = options.snapshots * (LONGEST_BRANCH if options.follow else 1)
     return sorted({path.end * (n + 1) / options.snapshots for n in range(pieces)} | set(path.stops))
-
-
-def media_of(problem: Problem) -> list[str]:
-    """Names of the regions that are third medium."""
-    return [name for name, region in problem.regions().items() if region.is_medium]
 
 
 def order_of(options: RunOptions) -> int:

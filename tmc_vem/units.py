@@ -22,6 +22,7 @@ FIELDS = {
     "min_J": NONE,
     "energy_density": STRESS,
     "region": NONE,
+    "medium": NONE,
 }
 COLUMNS = {"displacement": LENGTH, "reaction": FORCE, "load_force": ENERGY, "energy_": ENERGY, "min_j_": NONE}
 _WORD = re.compile(r"[^\[\]\"<>&\s]{1,20}")

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from tmc_vem.fields import Fields, Polygons, units_label
 from tmc_vem.files import whole_file
 from tmc_vem.units import COORDINATES, Units
+from tmc_vem.vtk_types import cell_types, to_vtk
 
-POLYGON = 7  # VTK's number of the cell type
 BLOCK = 1 << 20  # bytes that are compressed as one, of any number of arrays
 STORED, COMPRESSED = 0, 1  # levels of zlib; those above 1 take four times as long for a tenth less
 TYPES = {"f8": "Float64", "i8": "Int64", "u1": "UInt8"}
@@ -40,7 +40,9 @@ class _Array:
 
 
 class VtuWriter:
-    """Writes states on the same polygons, one file each: true polygons with displacement, J, region and energy density.
+    """Writes states on the same cells, one file each, with displacement, J, region and energy density.
+
+    Plain triangles and quadrilaterals are cells of VTK in which it interpolates exactly, the others true polygons.
 
     Args:
         polygons: the cells.
@@ -51,19 +53,26 @@ class VtuWriter:
         self._units = (units or Units()).of_fields()
         sizes = np.diff(polygons.offsets)
         self._counts = f'NumberOfPoints="{len(polygons.points_nx)}" NumberOfCells="{polygons.n_cells}"'
-        self._order = np.argsort(sizes, kind="stable")  # readers like cells with equally many points together
+        types = cell_types(polygons.points_nx, polygons.offsets, polygons.connectivity)
+        # readers like cells of one type with equally many points together
+        self._order = np.lexsort([np.arange(len(sizes)), types, sizes])
         first, ordered = polygons.offsets[:-1][self._order], sizes[self._order]
         ends = np.cumsum(ordered)
         entries = np.arange(len(polygons.connectivity)) + np.repeat(first - (ends - ordered), ordered)
+        around = to_vtk(polygons.offsets, polygons.connectivity, types)
         unit = self._units[COORDINATES]
         self._points = _array("Points", _in_space(polygons.points_nx), COMPRESSED, unit)
         self._cells = [
-            _array("connectivity", polygons.connectivity[entries].astype(np.int64), COMPRESSED),
+            _array("connectivity", around[entries].astype(np.int64), COMPRESSED),
             _array("offsets", ends.astype(np.int64), COMPRESSED),
-            _array("types", np.full(polygons.n_cells, POLYGON, np.uint8), COMPRESSED),
+            _array("types", types[self._order].astype(np.uint8), COMPRESSED),
         ]
         region = polygons.region_c[self._order].astype(np.int64)
-        self._region = _array("region", region, COMPRESSED, self._units["region"])
+        medium = (~polygons.is_solid_c[self._order]).astype(np.uint8)
+        self._regions = [
+            _array("region", region, COMPRESSED, self._units["region"]),
+            _array("medium", medium, COMPRESSED, self._units["medium"]),
+        ]
 
     def write(self, path: Path, fields: Fields) -> None:
         """Write a state; warp by ``displacement`` in ParaView.
@@ -82,7 +91,7 @@ class VtuWriter:
             "Points": [self._points],
             "Cells": self._cells,
             "PointData": [moved],
-            "CellData": [*per_cell, self._region],
+            "CellData": [*per_cell, *self._regions],
         }
         head = (
             '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" header_type="UInt64" '

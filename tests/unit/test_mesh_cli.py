@@ -65,14 +65,15 @@ def test_info_counts(tmp_path, capsys):
 
 def test_check_names_faults_and_fixes_them(tmp_path, capsys):
     file = tmp_path / "bad.obj"
-    file.write_text("v 0 0\nv 1 0\nv 1 1\nv 0 1\nv 9 9\nv 2 0\nv 2 1\nf 4 3 2 1\nf 2 6 7 3\n")
+    file.write_text("v 0 0\nv 1 0\nv 1 1\nv 0 1\nv 9 9\nv 2 0\nv 2 1\nv 1 0\nf 4 3 2 1\nf 8 6 7 3\n")
     code, out, _ = call(capsys, "check", file)
     assert code == 1
-    assert "cell 0 is clockwise" in out
-    assert "vertex 4 belongs to no cell" in out
+    assert "note: a cell is clockwise and turned: cell 0" in out
+    assert "note: a vertex belongs to no cell and is left out: vertex 4" in out
+    assert "vertices 1 and 6 are both at (1, 0)" in out
     assert "--fix repairs this" in out
     code, out, _ = call(capsys, "check", file, "--fix", tmp_path / "good.vtu")
-    assert (code, "2 faults repaired" in out) == (0, True)
+    assert (code, "1 fault repaired" in out) == (0, True)
     assert call(capsys, "check", tmp_path / "good.vtu")[0] == 0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -15,7 +16,7 @@ from helpers_process import tmc
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tmc_vem import RunResult
+from tmc_vem import RunResult, run
 from tmc_vem.cli.main import _run
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.geometry import areas
@@ -235,7 +236,7 @@ Physical Curve("fixed") = {6}; Physical Curve("pulled") = {3};
 """
 
 
-@pytest.mark.parametrize("kind", ["geo", "msh", "vtu", "inp"])
+@pytest.mark.parametrize("kind", ["geo", "msh", "vtu", "inp", "mat", "nc"])
 def test_meshes_from_files(tmp_path: Path, kind: str) -> None:
     """Groups of gmsh and names in mesh files are regions, points and edges; the force does not depend on the format."""
     from tmc_vem.mesh.io import write_mesh
@@ -257,6 +258,72 @@ def test_meshes_from_files(tmp_path: Path, kind: str) -> None:
     assert result["gap"] is None
 
 
+NUMBERS = GEO.replace('"left"', "1").replace('"right"', "2").replace('"fixed"', "11").replace('"pulled"', "12")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"[mesh]": '[mesh]\nnames = { 1 = "left", 2 = "right", 11 = "fixed", curve_12 = "pulled" }'},
+        {
+            "[regions.left]": "[regions.1]", "[regions.right]": "[regions.region_2]", '"fixed"': '"11"',
+            '"pulled"': '"curve_12"',
+        },
+    ],
+    ids=["names", "numbers"],
+)  # fmt: skip
+def test_groups_with_numbers_only(tmp_path: Path, changes: dict[str, str]) -> None:
+    (tmp_path / "strip.geo").write_text(NUMBERS)
+    text = FROM_FILE
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
+    (tmp_path / "strip.toml").write_text(text)
+    mesh = read_problem(tmp_path / "strip.toml")[0].make_mesh()
+    plain = tmp_path / "plain.toml"
+    plain.write_text(FROM_FILE.replace("strip.geo", "plain.geo"))
+    (tmp_path / "plain.geo").write_text(GEO)
+    expected = read_problem(plain)[0].make_mesh()
+    assert mesh.region_c.tolist() == expected.region_c.tolist()
+    ours, theirs = list(mesh.named_edges.values()), list(expected.named_edges.values())
+    assert [pairs.tolist() for pairs in ours] == [pairs.tolist() for pairs in theirs]
+
+
+def test_names_that_do_not_fit_a_mesh_file(tmp_path: Path) -> None:
+    (tmp_path / "strip.geo").write_text(NUMBERS)
+    for mesh, message in (
+        ("[mesh]", r"the mesh has region_1, region_2; .* \[mesh\] names = \{ 1 = \"left\" \}"),
+        (
+            '[mesh]\nnames = { 7 = "left" }',
+            r"no group '7' \(there are: 1 \(region region_1\), .*11 \(curve",
+        ),
+    ):
+        (tmp_path / "strip.toml").write_text(FROM_FILE.replace("[mesh]", mesh))
+        with pytest.raises(InputError, match=message):
+            read_problem(tmp_path / "strip.toml")[0].make_mesh()
+
+
+def test_the_table_says_what_is_medium_not_the_name(tmp_path: Path) -> None:
+    from tmc_vem.report.snapshots import read_fields, snapshots
+
+    text = SMALL.replace("[regions.medium]", "[regions.air]").replace("regions.plug", "regions.medium_plug")
+    problem, options = read_problem(small(tmp_path, text.replace('["plug", ', '["medium_plug", ')))
+    result = run(problem, tmp_path / "run", dataclasses.replace(options, steps=1, snapshots=1))
+    again = RunResult.read(tmp_path / "run")
+    assert again.media == ["air"]
+    assert result.checks["overlap_area"] == pytest.approx(0.0)
+    fields = read_fields(again, snapshots(again)[-1])
+    names = np.array(fields.polygons.region_names)[fields.polygons.region_c]
+    assert ((names != "air") == fields.polygons.is_solid_c).all()
+    # a run of an earlier version has no such entry: there the names tell
+    content = json.loads((tmp_path / "run/result.json").read_text())
+    del content["media"]
+    (tmp_path / "run/result.json").write_text(json.dumps(content))
+    old = RunResult.read(tmp_path / "run")
+    assert old.media is None
+    assert (read_fields(old, snapshots(old)[-1]).polygons.is_solid_c == (names != "medium_plug")).all()
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -269,8 +336,12 @@ def test_meshes_from_files(tmp_path: Path, kind: str) -> None:
         ("K = 20, mu = 10", "K = -20, mu = 10", ("regions: base: solid", "K = -20", "positive")),
         ("K = 20, mu = 10", "K = 20", ("regions: base: solid", "lacks 'mu'")),
         ("gamma = 1e-4", "gama = 1e-4", ("regions: medium: medium", "'gama'", "gamma")),
-        ("[regions.medium]", "[regions.air]", ("regions: air", "start with 'medium'")),
-        ("[regions.plug]", "[regions.medium_plug]", ("medium_plug", "must not start with 'medium'")),
+        ("size = 0.1", 'size = 0.1\nnames = { 1 = "plug" }', ("mesh: names", "for a mesh file")),
+        (
+            "solid = { K = 20, mu = 10 }",
+            "solid = { K = 20, mu = 10 }\nis_medium = true",
+            ("base: is_medium", "density"),
+        ),
         ('"frame - base - plug"', '"frame - base - plugg"', ("region 'medium'", "'plugg'", "frame, base, plug")),
         ('"frame - base - plug"', '"frame - base"', ("'plug' and 'medium' overlap",)),
         ('"triangles"', '"hexagons"', ("mesh", "hexagons", "voronoi, triangles")),
@@ -426,3 +497,48 @@ def test_examples_make_their_meshes(path: Path) -> None:
     mesh = problem.make_mesh()
     assert mesh.n_cells > 300
     assert set(problem.table.points) <= set(mesh.named_points)
+
+
+@pytest.mark.parametrize("cells", ["voronoi", "triangles"])
+@pytest.mark.parametrize("away", [(500000, 4200000), (10000000, -10000000)], ids=["map", "1e7"])
+def test_domains_far_from_the_origin_are_meshed_as_at_it(tmp_path: Path, cells: str, away: tuple[int, int]) -> None:
+    """Also where coordinates keep nine digits of the size: the mesh is the same, but for the rounding of its place."""
+    size = "size = 0.2\nrefine = [{ near = [0.5, 0.5], size = 0.1 }]"
+    text = SMALL.replace('cells = "triangles"\nsize = 0.1', f'cells = "{cells}"\n{size}')
+    there = text
+    for name, numbers in {
+        "rectangle": [[0, 0, 1, 1], [0, 0, 1, 0.3], [0.3, 0.5, 0.7, 1.0]], "near": [[0.5, 0.5]], "tip": [[0.5, 0.5]],
+        "ground": [[0.5, 0.3]],
+    }.items():  # fmt: skip
+        for row in numbers:
+            moved_row = [round(value + away[n % 2], 3) for n, value in enumerate(row)]
+            there = there.replace(f"{name} = {row}", f"{name} = {moved_row}")
+    ends = [[round(value + away[n], 3) for n, value in enumerate(end)] for end in ([0, 0], [1, 0])]
+    there = there.replace("line = [[0, 0], [1, 0]]", f"line = {ends}")
+    assert there.count(str(away[0])[:5]) >= 8
+    (tmp_path / "there").mkdir()
+    here, far = (read_problem(small(p, t))[0].make_mesh() for p, t in ((tmp_path, text), (tmp_path / "there", there)))
+    assert far.cell_vertices.tolist() == here.cell_vertices.tolist()
+    assert np.abs(far.points_vx - away - here.points_vx).max() < 4e-9
+    assert dict(far.named_points) == dict(here.named_points)
+    for name, pairs in here.named_edges.items():
+        assert far.named_edges[name].tolist() == pairs.tolist()
+
+
+def test_points_with_rounded_coordinates(tmp_path: Path) -> None:
+    """On an arc, and on vertices of a file; what is farther off is refused with coordinates that can be copied."""
+    text = SMALL.replace("[0.3, 0.5, 0.7, 1.0] }", "[0.3, 0.5, 0.7, 1.0], rounded = 0.1 }")
+    on_arc = [0.4 - 0.1 * math.sin(0.7), 0.6 - 0.1 * math.cos(0.7)]
+    for digits, good in ((7, True), (3, False)):
+        place = [round(value, digits) for value in on_arc]
+        problem = read_problem(small(tmp_path, text.replace("tip = [0.5, 0.5]", f"tip = {place}")))[0]
+        if good:
+            mesh = problem.make_mesh()
+            assert mesh.points_vx[mesh.named_points["tip"]] == pytest.approx(on_arc, abs=2e-7)
+        else:
+            with pytest.raises(
+                InputError, match=r"on no region's outline: the nearest place on one is \((.*)\)"
+            ) as said:
+                problem.make_mesh()
+            found = str(said.value).rsplit("(", 1)[1].rstrip(")")
+            read_problem(small(tmp_path, text.replace("tip = [0.5, 0.5]", f"tip = [{found}]")))[0].make_mesh()

@@ -72,6 +72,21 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _run(arguments: list[str] | None) -> int:
+    from tmc_vem.notes import heard_by
+    from tmc_vem.validation import printable
+
+    said: set[str] = set()
+
+    def show(note: str) -> None:
+        if note not in said and _rank() == 0:
+            said.add(note)
+            click.echo(f"tmc-vem: note: {printable(note)}", err=True)
+
+    with heard_by(show):
+        return _exit_code(arguments)
+
+
+def _exit_code(arguments: list[str] | None) -> int:
     from codegen.errors import CodegenError
     from tmc_vem.errors import TmcError
 

@@ -16,7 +16,8 @@ FILE = click.Path(path_type=Path)
 def mesh_group() -> None:
     """Generate, describe, check and draw polygon meshes.
 
-    Formats by suffix: .vtu, .vtk and .obj for any polygons, .msh and .inp for triangles and quadrilaterals.
+    Formats by suffix: .vtu, .vtk, .obj, .off, .mat and .nc for any polygons, .msh and .inp for triangles and
+    quadrilaterals. Besides these, .vtp, .med and gmsh's geometries .geo can be read.
     """
 
 
@@ -25,7 +26,9 @@ def generate() -> None:
     """Generate a mesh and write it to --out."""
 
 
-out_option = click.option("--out", type=FILE, required=True, help="File to write: .vtu, .vtk, .obj, .msh or .inp.")
+out_option = click.option(
+    "--out", type=FILE, required=True, help="File to write: .vtu, .vtk, .obj, .mat, .nc, .msh, ..."
+)
 
 
 @generate.command("rectangle")
@@ -120,56 +123,98 @@ def bodies(size: float, discs: int, gap0: float, out: Path) -> None:
     _write(Bodies(size=size, discs=discs, gap0=gap0).make_mesh(), out)
 
 
+def _reading(function: Any) -> Any:
+    """Options of how a file is read."""
+    region_data = click.option(
+        "--region-data", metavar="NAME", help="Cell data whose values are regions (default: region, MaterialIds, ...)."
+    )
+    cracks = click.option(
+        "--cracks", type=click.Choice(["join", "keep"]), default="join", show_default=True,
+        help="Vertices at the same place are a fault (join), or cracks that are meant (keep).",
+    )  # fmt: skip
+    return region_data(cracks(function))
+
+
 @mesh_group.command("info")
 @click.argument("file", type=FILE)
 @click.option("--order", default=2, show_default=True, help="Order k of the elements, for l and memory.")
-def info(file: Path, order: int) -> None:
+@_reading
+def info(file: Path, order: int, region_data: str | None, cracks: str) -> None:
     """Print counts, kinds of polygons, quality, chosen degrees l and memory."""
     from rich.console import Console
     from rich.table import Table
-
-    from tmc_vem.mesh.io import read_mesh
+    from rich.text import Text
 
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
     table.add_column()
-    for name, value in describe(read_mesh(file), order):
-        table.add_row(name, value)
+    for name, value in describe(_read(file, region_data=region_data, cracks=cracks), order):
+        table.add_row(Text(name), Text(value))  # names may hold what rich takes for markup
     Console().print(table, highlight=False)
 
 
 @mesh_group.command("check")
 @click.argument("file", type=FILE)
 @click.option("--fix", type=FILE, metavar="OUT", help="Write a repaired mesh there: turned, merged, welded.")
-def check(file: Path, fix: Path | None) -> int:
+@click.option(
+    "--tolerance", type=float, metavar="FRACTION",
+    help="With --fix: merge vertices closer than this fraction of the sides there, collapse edges shorter than this "
+    "fraction of the width of their cells. By default slits up to 0.001 are joined, edges up to 0.0001 collapsed.",
+)  # fmt: skip
+@_reading
+def check(file: Path, fix: Path | None, tolerance: float | None, region_data: str | None, cracks: str) -> int:
     """Name everything that is wrong with a mesh; exit code 1 if anything is (and --fix cannot repair it)."""
-    from tmc_vem.mesh.check import find_faults, repair
-    from tmc_vem.mesh.io import read_mesh, write_mesh
+    from tmc_vem.mesh.check import find_faults, repair, summaries
+    from tmc_vem.mesh.io import write_mesh
 
-    mesh = read_mesh(file, validate=False)
-    faults = find_faults(mesh)
-    for fault in faults:
-        click.echo(f"{fault.kind}: {fault.message}{' [--fix repairs this]' if fault.fixable and not fix else ''}")
+    if tolerance is not None:
+        from tmc_vem.validation import require_within
+
+        if fix is None:
+            raise InputError(f"--tolerance {tolerance:g} is for --fix: give a file to write")
+        require_within("--tolerance", tolerance, 0.0, 0.5, "a fraction of the sides; try 0.001")
+    notes: list[str] = []
+    mesh = _read(file, validate=False, region_data=region_data, cracks=cracks, notes=notes)
+    for note in notes:
+        click.echo(f"note: {_printable(note)}")
+    faults = find_faults(mesh, cracks=cracks == "keep")
+    kinds = dict.fromkeys(fault.kind for fault in faults)
+    for kind, line in zip(kinds, summaries(faults), strict=True):
+        fixable = all(fault.fixable for fault in faults if fault.kind == kind) and not fix
+        click.echo(f"{kind}: {_printable(line)}{' [--fix repairs this]' if fixable else ''}")
     if fix is not None:
-        write_mesh(repair(mesh), fix)
+        write_mesh(repair(mesh, tolerance), fix)
         click.echo(f"{len(faults)} fault{'' if len(faults) == 1 else 's'} repaired, written to {fix}")
         return 0
-    click.echo(f"{mesh.n_cells} cells, {mesh.n_vertices} vertices: {len(faults) or 'no'} faults")
+    count = f"{len(faults)} fault{'' if len(faults) == 1 else 's'}" if faults else "no faults"
+    click.echo(f"{mesh.n_cells} cells, {mesh.n_vertices} vertices: {count}")
     return 1 if faults else 0
+
+
+def _read(file: Path, **reading: Any) -> Any:
+    """The mesh of a file, or of a gmsh geometry."""
+    from tmc_vem.mesh.io import read_mesh
+    from tmc_vem.mesh.triangles import mesh_geometry
+
+    return (mesh_geometry if file.suffix.lower() == ".geo" else read_mesh)(file, **reading)
+
+
+def _printable(line: str) -> str:
+    return "".join(ch if ch.isprintable() else repr(ch)[1:-1] for ch in line)
 
 
 @mesh_group.command("plot")
 @click.argument("file", type=FILE)
 @click.option("--out", type=FILE, required=True, help="Picture to write: .png, .pdf or .svg.")
 @click.option("--numbers", is_flag=True, help="Write the number of each cell into it.")
-def plot(file: Path, out: Path, numbers: bool) -> None:
+@_reading
+def plot(file: Path, out: Path, numbers: bool, region_data: str | None, cracks: str) -> None:
     """Draw a mesh, coloured by region, with named points and edges."""
-    from tmc_vem.mesh.io import read_mesh
     from tmc_vem.report.mesh_figure import draw_mesh
 
     if out.suffix.lower() not in (".png", ".pdf", ".svg"):
         raise InputError(f"--out {out}: use .png, .pdf or .svg")
-    draw_mesh(read_mesh(file), out, numbers=numbers)
+    draw_mesh(_read(file, region_data=region_data, cracks=cracks), out, numbers=numbers)
     click.echo(f"written to {out}")
 
 

@@ -132,6 +132,7 @@ def method_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--overwrite", is_flag=True, help="Replace an earlier run in the run directory."),
         click.option("--checkpoint-every", type=int, default=1, show_default=True, help="Load steps; 0 for none."),
         click.option("--snapshots", type=int, default=10, show_default=True, help="Load steps written for ParaView."),
+        click.option("--triangulated", is_flag=True, help="Write them once more, cut into triangles."),
         click.option("--json", "as_json", is_flag=True, help="Print result.json on stdout, and nothing else."),
         click.option("--quiet", is_flag=True, help="No progress display and no summary."),
         click.option(
@@ -284,6 +285,7 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
         max_iterations=options["max_iterations"],
         max_seconds=options["max_seconds"],
         snapshots=options["snapshots"],
+        triangulated=options["triangulated"],
         checkpoint_every=options["checkpoint_every"],
         overwrite=options["overwrite"],
     )

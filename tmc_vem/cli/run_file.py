@@ -41,6 +41,8 @@ def problem_command(path: str) -> click.Command:
 
         problem, settings = read_problem(path)
         given = {name: options[name] for name in DECIDED if options[name] is not None}
+        if options["triangulated"]:
+            given["triangulated"] = True
         execute(problem, dataclasses.replace(settings, overwrite=options["overwrite"], **given), options)
 
     options: list[click.Parameter] = [
@@ -53,6 +55,7 @@ def problem_command(path: str) -> click.Command:
         click.Option(["--overwrite"], is_flag=True, help="Replace an earlier run in the run directory."),
         click.Option(["--checkpoint-every"], type=int, help="Load steps; 0 for none."),
         click.Option(["--snapshots"], type=int, help="Load steps written for ParaView."),
+        click.Option(["--triangulated"], is_flag=True, help="Write them once more, cut into triangles."),
         click.Option(["--json", "as_json"], is_flag=True, help="Print result.json on stdout, and nothing else."),
         click.Option(["--quiet"], is_flag=True, help="No progress display and no summary."),
         click.Option(["--petsc"], default="", metavar="OPTIONS", help="PETSc options."),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import Prescribed
+from tmc_vem.constraints import Prescribed, is_called
 from tmc_vem.errors import InputError
 from tmc_vem.fem import compat
 from tmc_vem.fem.mesh import FemMesh
@@ -54,12 +54,13 @@ class Nodes:
             InputError: the mesh has nothing of that name.
         """
         names, vertices_cv = self._mesh.names, self._mesh.vertices_cv
-        if where not in names.points and where not in names.edges:
+        vertices = [vertex for name, vertex in names.points.items() if is_called(name, where)]
+        if not vertices and where not in names.edges:
             raise InputError(f"the mesh has neither a point nor edges named '{where}'")
         mark = self.function()
         here = mark.x.array
-        if where in names.points:
-            cells, corners = np.nonzero(vertices_cv == names.points[where])
+        if vertices:
+            cells, corners = np.nonzero(np.isin(vertices_cv, vertices))
             here[2 * self.cell_nodes_ca[cells, corners]] = 1.0
         if where in names.edges:
             wanted = {tuple(pair) for pair in names.edges[where].tolist()}

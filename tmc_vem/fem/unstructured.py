@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tmc_vem.errors import InputError
 from tmc_vem.fem.outline import Outline, trace_outline
 from tmc_vem.mesh.budget import TRIANGLES, check_cells
+from tmc_vem.mesh.far import moved, origin_for
 from tmc_vem.mesh.geometry import areas
 from tmc_vem.mesh.polygon import PolygonMesh
 
@@ -38,6 +39,9 @@ def gmsh_triangles(mesh: PolygonMesh, size: float) -> PolygonMesh:
     except ImportError as error:
         raise InputError(f"unstructured triangles need gmsh ({error}): apt-get install python3-gmsh") from None
 
+    origin = origin_for(mesh.points_vx)
+    if origin is not None:
+        return moved(gmsh_triangles(moved(mesh, (-origin[0], -origin[1])), size), origin)
     area = sum(float(areas(mesh.points_vx[loops]).sum()) for _, _, loops in mesh.cells_by_size())
     what = f"triangles of size {size:g} on an area of {area:.4g}"
     check_cells(TRIANGLES * area / size / size, f"{what}; use a larger size")

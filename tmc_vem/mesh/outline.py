@@ -20,6 +20,8 @@ Size = float | Callable[[Float], Float]
 
 # Ends of curves closer than this fraction of the domain are one point.
 COINCIDE = 1e-9
+# Named points may be this far off their outline, as a fraction of the domain: coordinates are rounded.
+ROUNDED = 1e-6
 _TABLE = 401  # places where the size field is read along a curve
 
 
@@ -219,11 +221,13 @@ def make_skeleton(regions: Sequence[Region], size: Size, points: Mapping[str, Po
         nearest = min(curves, key=lambda curve: curve.parameter_of(place)[1])
         t, distance = nearest.parameter_of(place)
         if distance > tolerance:
-            x, y = nearest.at(np.array([t]))[0]
-            raise InputError(
-                f"named point '{name}' at ({place[0]:g}, {place[1]:g}) is on no region's outline: the nearest place on "
-                f"one is ({x:.12g}, {y:.12g})"
-            )
+            x, y = nearest.at(np.array([t]))[0].tolist()
+            if distance > tolerance * ROUNDED / COINCIDE:
+                raise InputError(
+                    f"named point '{name}' at ({place[0]:.12g}, {place[1]:.12g}) is on no region's outline: the "
+                    f"nearest place on one is ({x:.12g}, {y:.12g})"
+                )
+            place = min([(x, y), nearest.start, nearest.end], key=lambda p: math.dist(p, place) > 2.0 * distance)
         names[name] = corners.number(place)
 
     pieces: dict[tuple[int, int, float, float], Curve] = {}

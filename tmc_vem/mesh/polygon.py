@@ -170,8 +170,8 @@ class PolygonMesh:
             known = ", ".join(sorted(self.named_points)) or "none"
             raise InputError(f"the mesh has no named point '{name}' (it has: {known})") from None
 
-    def find_vertex(self, x: float, y: float, tolerance: float = 1e-9) -> int:
-        """Vertex at (x, y), up to ``tolerance`` times the size of the mesh.
+    def find_vertex(self, x: float, y: float, tolerance: float = 1e-6) -> int:
+        """Vertex nearest to (x, y), up to ``tolerance`` times the size of the mesh: of single precision, or rounded.
 
         Raises:
             InputError: no vertex is there; the message gives the nearest.
@@ -180,7 +180,7 @@ class PolygonMesh:
         nearest = int(np.argmin(distance))
         if distance[nearest] > tolerance * np.ptp(self.points_vx, axis=0).max():
             px, py = self.points_vx[nearest]
-            raise InputError(f"no node at ({x:g}, {y:g}): the nearest is vertex {nearest} at ({px:g}, {py:g})")
+            raise InputError(f"no node at {_place(x, y)}: the nearest is vertex {nearest} at {_place(px, py)}")
         return nearest
 
     def _next_vertices(self) -> Int:
@@ -243,6 +243,11 @@ class PolygonMesh:
             for a, b in np.sort(np.asarray(pairs).reshape(-1, 2), axis=1).tolist():
                 if (a, b) not in known:
                     raise InputError(f"named edges '{name}': vertices {a} and {b} are not joined by an edge")
+
+
+def _place(x: float, y: float) -> str:
+    """Coordinates with all their digits, to be copied."""
+    return f"({', '.join(repr(float(value)).removesuffix('.0') for value in (x, y))})"
 
 
 def _frozen(values: object, dtype: type) -> NDArray[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.budget import QUADRILATERALS, TRIANGLES, check_cells, check_size, most_cells
+from tmc_vem.mesh.far import meshed_near_origin
 from tmc_vem.mesh.io import read_mesh
 from tmc_vem.mesh.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton
 from tmc_vem.mesh.parts import with_names
@@ -23,6 +25,7 @@ FRONTAL_DELAUNAY = 6
 SIZE_MIN = "Mesh.MeshSizeMin"
 
 
+@meshed_near_origin
 def triangle_mesh(
     regions: Sequence[Region], size: Size, points: Mapping[str, Point] | None = None, *, quadrilaterals: bool = False
 ) -> PolygonMesh:
@@ -65,8 +68,11 @@ def triangle_mesh(
     return with_names(mesh, named)
 
 
-def from_gmsh_model() -> PolygonMesh:
+def from_gmsh_model(**reading: Any) -> PolygonMesh:
     """The current gmsh model's mesh: physical surfaces are regions, physical curves and points named edges and points.
+
+    Args:
+        reading: more arguments of :func:`tmc_vem.mesh.io.read_mesh`, such as ``names``.
 
     Raises:
         InputError: the model has no mesh of plane cells.
@@ -78,11 +84,15 @@ def from_gmsh_model() -> PolygonMesh:
         gmsh.option.setNumber("Mesh.MshFileVersion", 2.2)
         gmsh.option.setNumber("Mesh.Binary", 1)
         gmsh.write(str(path))
-        return read_mesh(path)
+        return read_mesh(path, **{"called": "the mesh of gmsh", **reading})
 
 
-def mesh_geometry(path: str | Path) -> PolygonMesh:
+def mesh_geometry(path: str | Path, **reading: Any) -> PolygonMesh:
     """Mesh of a gmsh geometry (.geo); sizes, kind of cells and physical groups are those that the file asks for.
+
+    Args:
+        path: the geometry.
+        reading: more arguments of :func:`tmc_vem.mesh.io.read_mesh`, such as ``names``.
 
     Raises:
         InputError: gmsh is missing, refuses the file, finds nothing plane to mesh in it, or would make too many cells.
@@ -95,19 +105,39 @@ def mesh_geometry(path: str | Path) -> PolygonMesh:
     started = _start(gmsh)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.open(str(path))
+        gmsh.logger.start()
+        _open(gmsh, Path(path))
         _check_curves(gmsh)
         gmsh.model.mesh.generate(2)
-        return from_gmsh_model()
+        return from_gmsh_model(called=str(path), **reading)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        message = str(error)
+        raise InputError(message if message.startswith(str(path)) else f"{path}: {message}") from None
     except Exception as error:  # gmsh raises plain exceptions
-        reason = str(error).strip().splitlines()
-        raise InputError(f"gmsh cannot mesh {path}: {reason[-1] if reason else type(error).__name__}") from None
+        said = [line.partition(":")[2].strip() for line in gmsh.logger.get() if line.startswith("Error")]
+        reason = said[:1] or str(error).strip().splitlines()[-1:] or [type(error).__name__]
+        shown = re.sub(rf"\S*{re.escape(Path(path).name)}", Path(path).name, reason[0])  # not that of a copy
+        raise InputError(f"gmsh cannot mesh {path}: {shown}") from None
     finally:
+        gmsh.logger.stop()
         gmsh.model.remove()
         if started:
             gmsh.finalize()
+
+
+def _open(gmsh: Any, path: Path) -> None:
+    """Open a geometry. gmsh wants a line break at its end and no byte order mark at its start."""
+    content = path.read_bytes()
+    plain = content.removeprefix(b"\xef\xbb\xbf")
+    if plain is content and plain.endswith(b"\n"):
+        gmsh.open(str(path))
+        return
+    with tempfile.TemporaryDirectory() as directory:
+        copy = Path(directory) / path.name
+        # what the file includes is looked for beside it
+        included = f'Include "{path.resolve().as_posix()}";\n\n'.encode()
+        copy.write_bytes(included if plain is content else plain + b"\n")
+        gmsh.open(str(copy))
 
 
 def _check_curves(gmsh: Any) -> None:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.budget import POLYGONS, check_size
+from tmc_vem.mesh.far import meshed_near_origin
 from tmc_vem.mesh.narrow import narrow_place
 from tmc_vem.mesh.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton
 from tmc_vem.mesh.polygon import PolygonMesh
@@ -48,6 +49,7 @@ class _UnresolvedError(InputError):
     """The cells do not fit into a place: it is narrow, or their size changes quickly there."""
 
 
+@meshed_near_origin
 def voronoi_mesh(
     regions: Sequence[Region],
     size: Size,

@@ -214,3 +214,8 @@ class Problem(Protocol):
 
     def inputs(self) -> dict[str, Any]:
         """All parameters as plain values for result files."""
+
+
+def media_of(problem: Problem) -> list[str]:
+    """Names of the regions that are third medium."""
+    return [name for name, region in problem.regions().items() if region.is_medium]

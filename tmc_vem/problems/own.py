@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -12,9 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import COMPONENTS, Prescribed
+from tmc_vem.constraints import COMPONENTS, Prescribed, is_called
 from tmc_vem.energy import Energy
 from tmc_vem.errors import InputError
+from tmc_vem.mesh.far import moved, near, origin_for
+from tmc_vem.mesh.files.regions import REST
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.shapes import combine
@@ -72,7 +75,8 @@ class OwnProblem:
         unused = [name for name in table.regions if name not in mesh.region_names]
         if missing or unused:
             whose = f"regions: the mesh has {', '.join(mesh.region_names)}"
-            raise InputError(f"{whose}; described are {', '.join(table.regions)}: the names must agree")
+            hint = "" if table.shapes or not unused or not missing else self._naming(missing[0], unused[0])
+            raise InputError(f"{whose}; described are {', '.join(table.regions)}: the names must agree{hint}")
         if not table.shapes:
             mesh = with_names(mesh, table.points)
         named_edges = dict(mesh.named_edges)
@@ -83,7 +87,7 @@ class OwnProblem:
             mesh.named_points, named_edges, validate=False,
         )  # fmt: skip
         for where in [condition.at for condition in (*table.support, table.load)]:
-            if where not in mesh.named_points and where not in mesh.named_edges:
+            if where not in mesh.named_edges and not any(is_called(name, where) for name in mesh.named_points):
                 known = ", ".join([*mesh.named_points, *mesh.named_edges]) or "none"
                 raise InputError(f"'{where}' is neither a point nor edges (there are: {known})")
         for name, probe in self.probes().items():
@@ -143,9 +147,8 @@ class OwnProblem:
                     found[name] = self._medium(region.medium, moduli)
                 else:
                     assert region.density is not None
-                    found[name] = self._own_energy(
-                        region.density, region.parameters, name.startswith("medium"), region.hold
-                    )
+                    is_medium = name.startswith("medium") if region.is_medium is None else region.is_medium
+                    found[name] = self._own_energy(region.density, region.parameters, is_medium, region.hold)
             except InputError as error:
                 raise InputError(f"regions: {name}: {error}") from None
         return found
@@ -225,15 +228,45 @@ class OwnProblem:
         from tmc_vem.mesh.io import read_mesh
         from tmc_vem.mesh.triangles import mesh_geometry
 
-        path = self._mesh_file
-        return mesh_geometry(path) if path.suffix.lower() == ".geo" else read_mesh(path)
+        path, table = self._mesh_file, self.table.mesh
+        read = mesh_geometry if path.suffix.lower() == ".geo" else read_mesh
+        mesh = read(path, names=table.names, region_data=table.region_data, cracks=table.cracks)
+        return self._by_number(mesh)
+
+    @staticmethod
+    def _naming(group: str, name: str) -> str:
+        """How a group of the mesh file gets another name."""
+        if group == REST:
+            return f"; '{REST}' are the cells of no group: give the surface of '{name}' a physical group or set"
+        key = group.removeprefix("region_")
+        key = key if re.fullmatch(r"[\w-]+", key) else f'"{key}"'
+        return f'; [mesh] names = {{ {key} = "{name}" }}, for example, gives others'
+
+    def _by_number(self, mesh: PolygonMesh) -> PolygonMesh:
+        """The mesh with groups without a name called by their numbers where the description does so."""
+        conditions = {condition.at for condition in (*self.table.support, self.table.load)}
+        regions = {f"region_{name}": name for name in self.table.regions if name.isdigit()}
+        edges = {f"curve_{name}": name for name in conditions if name.isdigit()}
+        points = {f"point_{name}": name for name in conditions if name.isdigit()}
+        return PolygonMesh(
+            mesh.points_vx, mesh.cell_offsets, mesh.cell_vertices, mesh.region_c,
+            tuple(regions.get(name, name) for name in mesh.region_names),
+            {points.get(name, name): vertex for name, vertex in mesh.named_points.items()},
+            {edges.get(name, name): pairs for name, pairs in mesh.named_edges.items()}, validate=False,
+        )  # fmt: skip
+
+    @cached_property
+    def _origin(self) -> tuple[float, float] | None:
+        """Where the shapes' coordinates are counted from while a mesh is made, if they lie far from the origin."""
+        places = [place for table in self.table.shapes.values() for place in table.places()]
+        return origin_for(np.array(places, dtype=float).reshape(-1, 2))
 
     @cached_property
     def _outlines(self) -> Any:
         shapes = {}
         for name, table in self.table.shapes.items():
             try:
-                shapes[name] = table.shape()
+                shapes[name] = (table if self._origin is None else table.from_origin(self._origin)).shape()
             except InputError as error:
                 raise InputError(f"shapes: {name}: {error}") from None
         return combine(shapes, {name: region.shape or "" for name, region in self.table.regions.items()})
@@ -242,10 +275,14 @@ class OwnProblem:
         from tmc_vem.mesh.triangles import triangle_mesh
         from tmc_vem.mesh.voronoi import voronoi_mesh
 
-        mesh, points = self.table.mesh, self.table.points
-        if mesh.cells == "voronoi":
-            return voronoi_mesh(self._outlines, self._size(), points)
-        return triangle_mesh(self._outlines, self._size(), points, quadrilaterals=mesh.cells == "quadrilaterals")
+        table, origin = self.table.mesh, self._origin
+        points = {name: place if origin is None else near(place, origin) for name, place in self.table.points.items()}
+        if table.cells == "voronoi":
+            mesh = voronoi_mesh(self._outlines, self._size(), points)
+        else:
+            quadrilaterals = table.cells == "quadrilaterals"
+            mesh = triangle_mesh(self._outlines, self._size(), points, quadrilaterals=quadrilaterals)
+        return mesh if origin is None else moved(mesh, origin)
 
     def _size(self) -> float | Callable[[Float], Float]:
         """The size of cells: a number, or a function of points (n, 2)."""
@@ -253,12 +290,14 @@ class OwnProblem:
         assert mesh.size is not None
         if not mesh.refine:
             return mesh.size
-        largest = mesh.size
+        largest, origin = mesh.size, self._origin
 
         def size(points: Float) -> Float:
             h = np.full(len(points), largest)
             for place in mesh.refine:
                 ends = np.asarray(place.near, dtype=float).reshape(-1, 2)
+                if origin is not None:
+                    ends = np.array([near(end, origin) for end in ends.tolist()])
                 away = np.maximum(_distance(points, ends[0], ends[-1]) - place.within, 0.0)
                 np.minimum(h, place.size + mesh.growth * away, out=h)
             return h

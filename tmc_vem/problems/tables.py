@@ -11,6 +11,7 @@ import numpy as np
 from tmc_vem.constraints import COMPONENTS
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.budget import STEEPEST
+from tmc_vem.mesh.far import near
 from tmc_vem.mesh.shapes import HUGE, Shape, disc, polygon, rectangle
 from tmc_vem.probes import GAP, Displacement, Gap, MeanJ, Place, Position, Probe, Reaction, check_name
 from tmc_vem.problems.base import Material, check_hold, chosen_weight
@@ -19,6 +20,7 @@ from tmc_vem.validation import require_choice, require_finite, require_positive,
 
 XY = tuple[float, float]
 CELLS = ("voronoi", "triangles", "quadrilaterals")
+CRACKS = ("join", "keep")
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,24 @@ class ShapeTable:
         assert self.polygon is not None
         return polygon(self.polygon, self.rounded)
 
+    def places(self) -> list[XY]:
+        """Points that lie about the shape."""
+        if self.disc is not None:
+            x, y, r = self.disc
+            return [(x - r, y - r), (x + r, y + r)]
+        if self.rectangle is not None:
+            return [self.rectangle[:2], self.rectangle[2:]]
+        return list(self.polygon or ())
+
+    def from_origin(self, origin: XY) -> ShapeTable:
+        """The same shape with coordinates from another origin on."""
+        return ShapeTable(
+            None if self.rectangle is None else (*near(self.rectangle[:2], origin), *near(self.rectangle[2:], origin)),
+            None if self.polygon is None else tuple(near(corner, origin) for corner in self.polygon),
+            None if self.disc is None else (*near(self.disc[:2], origin), self.disc[2]),
+            self.rounded,
+        )
+
 
 @dataclass(frozen=True)
 class RefineTable:
@@ -82,7 +102,10 @@ class MeshTable:
     """Where the mesh comes from: a file, or shapes with a size of cells.
 
     Attributes:
-        file: mesh file (.vtu, .vtk, .msh, .inp, .obj) or gmsh geometry (.geo), relative to the problem file.
+        file: mesh file (.vtu, .msh, .inp, .mat, ...) or gmsh geometry (.geo), relative to the problem file.
+        names: for groups of the file, by their number or the name that they have there.
+        region_data: cell data of the file whose values are regions.
+        cracks: ``"keep"`` takes vertices of the file at the same place for cracks; ``"join"`` refuses them.
         cells: kind of cells made from shapes.
         size: of these cells (length).
         refine: places with smaller cells.
@@ -94,6 +117,9 @@ class MeshTable:
     size: float | None = None
     refine: tuple[RefineTable, ...] = ()
     growth: float = 0.3
+    names: Mapping[str, str] = field(default_factory=dict)
+    region_data: str | None = None
+    cracks: str = "join"
 
     def check_file(self) -> None:
         """Check that nothing is asked for beside a file that only cells made from shapes have.
@@ -112,6 +138,9 @@ class MeshTable:
 
     def __post_init__(self) -> None:
         require_choice("cells", self.cells, CELLS)
+        require_choice("cracks", self.cracks, CRACKS)
+        if self.file is None and (self.names or self.region_data or self.cracks != "join"):
+            raise InputError("names, region_data and cracks are for a mesh file")
         require_positive("growth", self.growth, "try 0.3")
         require_within("growth", self.growth, 0.0, STEEPEST, "a cell is twice as large as its neighbour at 1; try 0.3")
         if self.size is not None:
@@ -161,6 +190,7 @@ class RegionTable:
         density: energy of your own, ``FILE.py:FUNCTION``, the file relative to the problem file.
         parameters: of that energy.
         hold: ``"medium"`` for a solid without supports of its own that the medium is meant to hold.
+        is_medium: whether a region with an energy of its own is third medium; by default if its name starts so.
     """
 
     shape: str | None = None
@@ -169,12 +199,15 @@ class RegionTable:
     density: str | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     hold: str | None = None
+    is_medium: bool | None = None
 
     def __post_init__(self) -> None:
         check_hold(self.hold, self.medium is not None)
         given = [name for name in ("solid", "medium", "density") if getattr(self, name) is not None]
         if len(given) != 1:
             raise InputError(f"give one of solid, medium and density, not {' and '.join(given) or 'none'}")
+        if self.is_medium is not None and self.density is None:
+            raise InputError("is_medium is for a density of your own; 'medium = {...}' is third medium as it is")
 
 
 @dataclass(frozen=True)
@@ -282,7 +315,7 @@ class ProblemTable:
 
     Attributes:
         name: of the problem, for titles and tables.
-        regions: by name; that of a third medium starts with ``medium``.
+        regions: by name.
         support: where displacements are prescribed.
         load: the one displacement component that is reported with its reaction.
         mesh: how the mesh is made.
@@ -329,8 +362,3 @@ class ProblemTable:
             if (region.shape is not None) != bool(self.shapes):
                 text = "lacks 'shape'" if self.shapes else "has a shape, but the mesh comes from a file"
                 raise InputError(f"regions: {name}: {text}")
-            if (region.medium is not None) != name.startswith("medium") and region.density is None:
-                kind, verb = ("third medium", "must") if region.medium else ("solid", "must not")
-                raise InputError(
-                    f"regions: {name}: the name of a {kind} {verb} start with 'medium', as reports go by it"
-                )

@@ -280,7 +280,7 @@ def _doubts(c: Comparison) -> list[str]:
 def _medium_doubts(c: Comparison) -> list[str]:
     """A difference between the media of the two methods that no finer mesh removes."""
     media = [
-        sum(energy for name, energy in run.last.energy.items() if is_medium(name))
+        sum(energy for name, energy in run.last.energy.items() if is_medium(name, run.media))
         for run in c.finest.values()
         if run.last
     ]

@@ -24,6 +24,7 @@ LEGEND = 0.09  # height of a legend below the axes, of the figure's
 PANELS = 3  # of probes beside one another
 
 Runs = Mapping[str, RunResult]
+Value = Callable[[StepRecord, RunResult], float | None]
 
 
 def _figure(columns: int = 1, height: float = 3.6, width: float = 10.0) -> tuple[Any, list[Any]]:
@@ -44,10 +45,10 @@ def _style(n: int) -> dict[str, Any]:
     return {"color": COLOURS[n % len(COLOURS)], "linestyle": ("-", "--", "-.", ":")[n % 4], "linewidth": 1.5}
 
 
-def against_load(axes: Any, runs: Runs, value: Callable[[StepRecord], float | None], what: str) -> None:
-    """Draw a value of the load steps against the prescribed displacement."""
+def against_load(axes: Any, runs: Runs, value: Value, what: str) -> None:
+    """Draw a value of the load steps of each run against the prescribed displacement."""
     for n, (name, run) in enumerate(runs.items()):
-        points = [(abs(record.displacement), v) for record in run.history if (v := value(record)) is not None]
+        points = [(abs(record.displacement), v) for record in run.history if (v := value(record, run)) is not None]
         if points:
             axes.plot(*np.transpose(points), label=label(name), **_style(n))
     axes.set_xlabel(label(with_unit(DISPLACEMENT, runs, "displacement")))
@@ -59,10 +60,10 @@ def gap_and_reaction(runs: Runs) -> Any:
     has_gap = any(record.gap is not None for run in runs.values() for record in run.history)
     figure, axes = _figure(2 if has_gap else 1)
     if has_gap:
-        against_load(axes[0], runs, lambda record: record.gap, with_unit("gap", runs, GAP))
+        against_load(axes[0], runs, lambda record, _: record.gap, with_unit("gap", runs, GAP))
         axes[0].set_yscale("log")
     what = with_unit("reaction, magnitude", runs, "reaction")
-    against_load(axes[-1], runs, lambda record: abs(record.reaction), what)
+    against_load(axes[-1], runs, lambda record, _: abs(record.reaction), what)
     axes[0].legend(fontsize=8, frameon=False)
     return figure
 
@@ -83,35 +84,35 @@ def probe_pictures(runs: Runs) -> list[Picture]:
     return pictures
 
 
-def _probe(name: str) -> Callable[[StepRecord], float | None]:
-    return lambda record: record.probes.get(name)
+def _probe(name: str) -> Value:
+    return lambda record, _: record.probes.get(name)
 
 
 def smallest_j(runs: Runs) -> Any:
     """Smallest J of solid and medium during loading."""
     figure, axes = _figure(2)
-    against_load(axes[0], runs, lambda record: _least(record, medium=True), "smallest J, third medium")
-    against_load(axes[1], runs, lambda record: _least(record, medium=False), "smallest J, solids")
+    against_load(axes[0], runs, lambda record, run: _least(record, run, medium=True), "smallest J, third medium")
+    against_load(axes[1], runs, lambda record, run: _least(record, run, medium=False), "smallest J, solids")
     axes[0].set_yscale("log")
     axes[0].legend(fontsize=8, frameon=False)
     return figure
 
 
-def _least(record: StepRecord, *, medium: bool) -> float | None:
-    return min((v for name, v in record.min_j.items() if is_medium(name) == medium), default=None)
+def _least(record: StepRecord, run: RunResult, *, medium: bool) -> float | None:
+    return min((v for name, v in record.min_j.items() if is_medium(name, run.media) == medium), default=None)
 
 
 def energy_split(runs: Runs) -> Any:
     """Energies of the regions during loading."""
     figure, axes = _figure(2)
-    against_load(axes[0], runs, lambda record: _energy(record, medium=False), "energy of the solids")
-    against_load(axes[1], runs, lambda record: _energy(record, medium=True), "energy of the third medium")
+    against_load(axes[0], runs, lambda record, run: _energy(record, run, medium=False), "energy of the solids")
+    against_load(axes[1], runs, lambda record, run: _energy(record, run, medium=True), "energy of the third medium")
     axes[0].legend(fontsize=8, frameon=False)
     return figure
 
 
-def _energy(record: StepRecord, *, medium: bool) -> float:
-    return sum(v for name, v in record.energy.items() if is_medium(name) == medium)
+def _energy(record: StepRecord, run: RunResult, *, medium: bool) -> float:
+    return sum(v for name, v in record.energy.items() if is_medium(name, run.media) == medium)
 
 
 def newton_iterations(runs: Runs) -> Any:

@@ -11,7 +11,10 @@ import numpy as np
 
 from tmc_vem.errors import InputError
 from tmc_vem.fields import Fields, Polygons
-from tmc_vem.results import COLLECTION, RunResult, StepRecord
+from tmc_vem.results import COLLECTION, TRIANGULATED, RunResult, StepRecord
+from tmc_vem.vtk_types import POLYGON, QUADRATIC_QUAD, QUADRATIC_TRIANGLE, from_vtk
+
+QUADRATIC = {"triangle6": QUADRATIC_TRIANGLE, "quad8": QUADRATIC_QUAD}  # meshio's names
 
 
 @dataclass(frozen=True)
@@ -22,19 +25,22 @@ class Snapshot:
     files: tuple[Path, ...]
 
 
-def snapshots(result: RunResult) -> list[Snapshot]:
-    """Load steps of a run whose fields were written, by increasing load.
+def snapshots(result: RunResult, *, triangulated: bool = False) -> list[Snapshot]:
+    """Load steps of a run whose fields were written, by increasing load; of cells cut into triangles, if wanted.
 
     Raises:
         InputError: the run has no fields, or they are not readable.
     """
     if result.directory is None:
         raise InputError("the run was kept in memory only: it has no fields")
-    path = result.directory / COLLECTION
+    path = result.directory / (f"{TRIANGULATED}.pvd" if triangulated else COLLECTION)
     try:
         entries = list(ElementTree.parse(path).iter("DataSet"))
     except FileNotFoundError:
-        raise InputError(f"{result.directory} has no fields: run again with --snapshots 10") from None
+        option = "--triangulated" if triangulated else "--snapshots 10"
+        raise InputError(
+            f"{result.directory} has no {'triangulated ' if triangulated else ''}fields: run again with {option}"
+        ) from None
     except (OSError, ElementTree.ParseError) as error:
         raise InputError(f"{path} is not readable: {error}") from None
     by_load: dict[float, list[Path]] = {}
@@ -79,36 +85,40 @@ def read_fields(result: RunResult, snapshot: Snapshot) -> Fields:
     Raises:
         InputError: a file is missing or not readable.
     """
-    names = tuple(result.min_j)
-    return Fields.merge([_read(path, names) for path in snapshot.files])
+    names, media = tuple(result.min_j), None if result.media is None else tuple(result.media)
+    return Fields.merge([_read(path, names, media) for path in snapshot.files])
 
 
-def _read(path: Path, region_names: tuple[str, ...]) -> Fields:
+def _read(path: Path, region_names: tuple[str, ...], media: tuple[str, ...] | None) -> Fields:
     import meshio
 
     try:
-        return _fields(meshio.vtu.read(path), region_names)  # meshio.read would print, and leave the program
+        return _fields(meshio.vtu.read(path), region_names, media)  # meshio.read would print, and leave the program
     except Exception as error:  # what meshio makes of a damaged file is anybody's guess
         raise InputError(f"{path} is not readable: {error or type(error).__name__}") from None
 
 
-def _fields(mesh: Any, region_names: tuple[str, ...]) -> Fields:
+def _fields(mesh: Any, region_names: tuple[str, ...], media: tuple[str, ...] | None) -> Fields:
     """The fields of a file.
 
     Raises:
         KeyError, ValueError: it lacks some, or has other regions.
     """
     sizes = np.concatenate([np.full(len(block.data), block.data.shape[1]) for block in mesh.cells])
+    types = np.concatenate([np.full(len(block.data), QUADRATIC.get(block.type, POLYGON)) for block in mesh.cells])
+    offsets = np.concatenate([[0], np.cumsum(sizes)])
+    nodes = np.concatenate([np.ravel(block.data) for block in mesh.cells]).astype(np.int64)
     values = {name: np.concatenate(blocks) for name, blocks in mesh.cell_data.items()}
     region_c = values["region"].astype(np.int64)
     if not (len(region_c) and region_c.min() >= 0 and region_c.max() < len(region_names)):
         raise ValueError(f"its regions are not the {len(region_names)} of the history")
     polygons = Polygons(
         points_nx=np.asarray(mesh.points[:, :2], dtype=float),
-        offsets=np.concatenate([[0], np.cumsum(sizes)]),
-        connectivity=np.concatenate([np.ravel(block.data) for block in mesh.cells]).astype(np.int64),
+        offsets=offsets,
+        connectivity=from_vtk(offsets, nodes, types),
         region_c=region_c,
         region_names=region_names,
+        media=media,
     )
     return Fields(
         polygons=polygons,

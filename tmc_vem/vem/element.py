@@ -18,8 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
+from tmc_vem.mesh.faults import SHORT, short_edges
 from tmc_vem.mesh.geometry import diameters
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.notes import say
 from tmc_vem.validation import check_fields, require_choice
 from tmc_vem.vem.quadrature import star_shaped, sub_triangles
 from tmc_vem.vem.rules import CellRule, compressed, convex, on_sub_triangles, simple
@@ -172,6 +174,8 @@ def element_groups(mesh: PolygonMesh, settings: ElementSettings, cell_ids: Int |
         InputError: a forced l leaves spurious modes on some cell, or no l up to the largest one has full rank; the
             message names the cell, the number of spurious modes and the l that works.
     """
+    if settings.projection in ("auto", "composite"):
+        _note_short_edges(mesh, settings.order, cell_ids)
     for n_sides, all_cells, _ in mesh.cells_by_size():
         for region in np.unique(mesh.region_c[all_cells]).tolist():
             cells = all_cells[mesh.region_c[all_cells] == region]
@@ -190,6 +194,21 @@ def element_groups(mesh: PolygonMesh, settings: ElementSettings, cell_ids: Int |
                         yield ElementGroup(
                             cells[members], shape_c, tables, region, n_sides, space.degree, space.label, len(kind)
                         )
+
+
+def _note_short_edges(mesh: PolygonMesh, order: int, cell_ids: Int | None) -> None:
+    """Say which edges are so short that composite functions on the slivers there lose digits."""
+    limit = SHORT * 10.0 ** (order - 2)
+    short = short_edges(mesh, limit)
+    if short:
+        a, b = short[0]
+        c = next(c for c, loop in enumerate(mesh.cells()) if len(loop) > 4 and a in loop and b in loop)
+        x, y = mesh.points_vx[a]
+        say(
+            f"{len(short)} edges are shorter than {limit:g} of the width of their cells; with order {order} this costs "
+            f"digits: the first is of cell {c if cell_ids is None else cell_ids[c]} at ({x:.6g}, {y:.6g}); "
+            f"'tmc-vem mesh check FILE --fix OUT --tolerance {limit:g}' collapses them"
+        )
 
 
 def _members(by_class: Int, first: Int, count: Int) -> tuple[Int, NDArray[np.int32]]:

@@ -12,6 +12,11 @@ from tmc_vem.mesh.geometry import areas, centroids, diameters, star_shaped_about
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
+# A triangle is flat if its area is below this fraction of its longest side squared.
+FLAT = 1e-12
+# A vertex this close to a diagonal, as a fraction of the diagonal's length, lies on it.
+ON_DIAGONAL = 1e-6
+
 
 @cache
 def gauss(n_points: int) -> tuple[Float, Float]:
@@ -98,15 +103,12 @@ def ear_clipping(polygon_vx: Float) -> Float:
     remaining = list(range(len(polygon_vx)))
     triangles = []
     while len(remaining) > 3:
-        best, best_quality = -1, 0.0
-        for n in range(len(remaining)):
-            a, b, c = (polygon_vx[remaining[(n + d) % len(remaining)]] for d in (-1, 0, 1))
-            quality = _triangle_quality(a, b, c)
-            if quality > best_quality and not _contains_any(polygon_vx, remaining, n, a, b, c):
-                best, best_quality = n, quality
+        best = _best_ear(polygon_vx, remaining, ON_DIAGONAL)
+        if best < 0:
+            best = _best_ear(polygon_vx, remaining, FLAT)
         if best < 0:  # nothing but collinear vertices may be left, and they enclose no area
             rest = polygon_vx[remaining]
-            if abs(areas(rest[None])[0]) > 1e-12 * diameters(rest[None])[0] ** 2:
+            if abs(areas(rest[None])[0]) > FLAT * diameters(rest[None])[0] ** 2:
                 raise ValueError("ear clipping found no ear: the polygon is not simple")
             best = 0
         triangles.append([remaining[best - 1], remaining[best], remaining[(best + 1) % len(remaining)]])
@@ -116,19 +118,36 @@ def ear_clipping(polygon_vx: Float) -> Float:
     return corners_tpx
 
 
+def _best_ear(points: Float, remaining: list[int], tolerance: float) -> int:
+    """Place in the list of the ear with the largest quality that no other vertex lies in; -1 if there is none."""
+    best, best_quality = -1, 0.0
+    for n in range(len(remaining)):
+        a, b, c = (points[remaining[(n + d) % len(remaining)]] for d in (-1, 0, 1))
+        quality = _triangle_quality(a, b, c)
+        if quality > best_quality and not _contains_any(points, remaining, n, tolerance):
+            best, best_quality = n, quality
+    return best
+
+
 def _triangle_quality(a: Float, b: Float, c: Float) -> float:
     area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     longest = max(np.dot(b - a, b - a), np.dot(c - b, c - b), np.dot(a - c, a - c))
-    return float(area / longest) if area > 1e-12 * longest else 0.0
+    return float(area / longest) if area > FLAT * longest else 0.0
 
 
-def _contains_any(points: Float, remaining: list[int], ear: int, a: Float, b: Float, c: Float) -> bool:
-    """Whether the closed triangle of an ear contains another remaining vertex, apart from its own corners."""
-    corners = {remaining[ear - 1], remaining[ear], remaining[(ear + 1) % len(remaining)]}
+def _contains_any(points: Float, remaining: list[int], ear: int, tolerance: float) -> bool:
+    """Whether the closed triangle of an ear contains another remaining vertex, apart from its own corners.
+
+    A vertex as good as on the diagonal counts as inside, whatever rounding makes of it: else the next ear there would
+    have no area.
+    """
+    corners = [remaining[ear - 1], remaining[ear], remaining[(ear + 1) % len(remaining)]]
     others = points[[v for v in remaining if v not in corners]]
+    a, b, c = points[corners]
     inside = np.ones(len(others), dtype=bool)
     for p, q in ((a, b), (b, c), (c, a)):
-        inside &= (q[0] - p[0]) * (others[:, 1] - p[1]) - (q[1] - p[1]) * (others[:, 0] - p[0]) >= 0
+        twice_area = (q[0] - p[0]) * (others[:, 1] - p[1]) - (q[1] - p[1]) * (others[:, 0] - p[0])
+        inside &= twice_area >= -tolerance * np.dot(q - p, q - p)
     return bool(inside.any())
 
 

@@ -14,7 +14,7 @@ from petsc4py import PETSc
 
 from codegen.batch import Tangents
 from codegen.kernel import CellValues
-from tmc_vem.constraints import Prescribed
+from tmc_vem.constraints import Prescribed, is_called
 from tmc_vem.errors import EvaluationError, InputError
 from tmc_vem.fields import Polygons
 from tmc_vem.memory import give_back, reuse_freed
@@ -369,12 +369,12 @@ class VemSystem:
             InputError: no rank has anything of that name.
         """
         mesh = self.distributed.mesh
-        known = self.comm.allreduce(where in mesh.named_points or where in mesh.named_edges, op=MPI.LOR)
+        vertices = [vertex for name, vertex in mesh.named_points.items() if is_called(name, where)]
+        known = self.comm.allreduce(bool(vertices) or where in mesh.named_edges, op=MPI.LOR)
         if not known:
             raise InputError(f"the mesh has neither a point nor edges named '{where}'")
         here = np.zeros(self.dofmap.n_nodes)
-        if where in mesh.named_points:
-            here[self.dofmap.vertex_nodes[mesh.named_points[where]]] = 1.0
+        here[self.dofmap.vertex_nodes[vertices]] = 1.0
         pairs = mesh.named_edges.get(where)
         if pairs is not None and len(pairs):
             ordered = {tuple(sorted(pair)): e for e, pair in enumerate(self.distributed.edges.vertices_ev.tolist())}
