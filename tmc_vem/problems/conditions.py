@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import COMPONENTS, Prescribed
+from tmc_vem.constraints import COMPONENTS, Prescribed, is_called
 from tmc_vem.errors import InputError
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.rigid import FreePart, free_parts
@@ -19,16 +19,16 @@ _NAMES = {number: name for name, number in COMPONENTS.items()}
 
 
 def vertices_at(mesh: PolygonMesh, where: str) -> Int:
-    """Vertices of a named point and of named edges.
+    """Vertices of a named point, of a group of points and of named edges.
 
     Raises:
         InputError: the mesh has nothing of that name.
     """
-    point = [mesh.named_points[where]] if where in mesh.named_points else []
-    if not point and where not in mesh.named_edges:
+    points = [vertex for name, vertex in mesh.named_points.items() if is_called(name, where)]
+    if not points and where not in mesh.named_edges:
         raise InputError(f"the mesh has neither a point nor edges named '{where}'")
     edges = mesh.named_edges.get(where, np.empty((0, 2), dtype=np.int64))
-    found: Int = np.union1d(np.array(point, dtype=np.int64), edges.ravel())
+    found: Int = np.union1d(np.array(points, dtype=np.int64), edges.ravel())
     return found
 
 
