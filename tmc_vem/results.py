@@ -368,13 +368,14 @@ def _check_types(data: Mapping[str, Any]) -> None:
         **dict.fromkeys(("reason", "unfinished"), str),
         **dict.fromkeys(("n_cells", "n_dofs", "newton_iterations", "cut_backs"), int),
         "load": (int, float),
+        "media": (list, type(None)),
     }
     for name, value in data.items():
         if not isinstance(value, kinds[name]):
             raise TypeError(f"{name} = {shown(value)} has the wrong type")
-    for name in ("errors", "warnings"):
-        if not all(isinstance(text, str) for text in data.get(name, ())):
-            raise TypeError(f"{name} = {shown(data[name])} are no sentences")
+    for name, what in (("errors", "sentences"), ("warnings", "sentences"), ("media", "names")):
+        if not all(isinstance(text, str) for text in data.get(name) or ()):
+            raise TypeError(f"{name} = {shown(data[name])} are no {what}")
     times = data["seconds"]
     if not all(isinstance(value, (int, float)) for value in (times.get("total"), *times.values())):
         raise TypeError(f"seconds = {shown(times)} are no times, with a total")
