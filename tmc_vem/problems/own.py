@@ -124,6 +124,8 @@ class OwnProblem:
         plain = _plain({**asdict(self.table), "name": None, "units": None, "solve": None})
         if self.table.mesh.file is not None:
             plain["mesh"]["content"] = hashlib.sha256(self._mesh_file.read_bytes()).hexdigest()[:16]
+        if self.table.mesh.cracks == "join":  # as before there was a choice
+            del plain["mesh"]["cracks"]
         media = [region["medium"] for region in plain["regions"].values() if "medium" in region]
         return {"problem": self.name, **plain, **({"medium": media[0]} if media else {})}
 
