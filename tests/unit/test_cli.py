@@ -44,13 +44,13 @@ def test_run_directory_is_complete(tmp_path: Path) -> None:
     assert not list(out.glob(".*"))  # no temporary files
 
 
-def test_fields_hold_true_polygons(tmp_path: Path) -> None:
+def test_fields_hold_quadratic_quadrilaterals(tmp_path: Path) -> None:
     meshio = pytest.importorskip("meshio")
     out = tmp_path / "box"
     assert tmc("run", "box", *SHORT, "--snapshots", "1", "--out", str(out), "--quiet").returncode == 0
     mesh = meshio.read(next(out.glob("fields/*.vtu")))
-    assert [(block.type, block.data.shape) for block in mesh.cells] == [("polygon", (100, 8))]
-    assert set(mesh.cell_data) == {"J", "min_J", "energy_density", "region"}
+    assert [(block.type, block.data.shape) for block in mesh.cells] == [("quad8", (100, 8))]
+    assert set(mesh.cell_data) == {"J", "min_J", "energy_density", "region", "medium"}
     displacement = mesh.point_data["displacement"]
     load_point = ((mesh.points[:, :2] - (1.0, 0.5)) ** 2).sum(axis=1).argmin()
     assert displacement[load_point, 1] == pytest.approx(-0.05)

@@ -17,6 +17,7 @@ from tmc_vem.mesh.files.regions import regions_of
 from tmc_vem.mesh.io import read_mesh, write_mesh
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.quality import measure
+from tmc_vem.mesh.triangles import mesh_geometry
 from tmc_vem.notes import heard_by
 from tmc_vem.problem_file import read_problem
 
@@ -241,6 +242,24 @@ def test_info_prints_names_as_they_are(tmp_path: Path, capsys: pytest.CaptureFix
     assert left.value.code == 0
     assert "region [bold]steel" in out
     assert "region medium [/]" in out
+
+
+def test_surfaces_of_a_geometry_in_no_group(tmp_path: Path) -> None:
+    """gmsh leaves them out, which is said, unless all are to be saved."""
+    text = (
+        "Point(1) = {0,0,0,0.5}; Point(2) = {1,0,0,0.5}; Point(3) = {0,1,0,0.5}; Point(4) = {1,1,0,0.5}; "
+        "Line(1) = {1,2}; Line(2) = {2,3}; Line(3) = {3,1}; Line(4) = {2,4}; Line(5) = {4,3}; "
+        "Curve Loop(1) = {1,2,3}; Plane Surface(1) = {1}; Curve Loop(2) = {4,5,-2}; Plane Surface(2) = {2}; "
+        'Physical Surface("body") = {1};\n'
+    )
+    for option, regions, n_notes in (("", {"body"}, 1), ("Mesh.SaveAll = 1;\n", {"body", "domain"}, 1)):
+        (tmp_path / "a.geo").write_text(option + text)
+        said: list[str] = []
+        with heard_by(said.append):
+            mesh = mesh_geometry(tmp_path / "a.geo")
+        assert set(mesh.region_names) == regions
+        assert len(said) == n_notes
+        assert ("in no physical group" if not option else "in no group: region 'domain'") in said[0]
 
 
 def test_a_geometry_of_gmsh_without_its_last_line_break(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -289,6 +289,13 @@ def test_groups_with_numbers_only(tmp_path: Path, changes: dict[str, str]) -> No
     assert [pairs.tolist() for pairs in ours] == [pairs.tolist() for pairs in theirs]
 
 
+def test_inputs_of_a_problem_without_new_entries_are_those_of_earlier_versions(tmp_path: Path) -> None:
+    """By which a checkpoint is recognised."""
+    problem, _ = read_problem(small(tmp_path, SMALL))
+    assert problem.inputs()["mesh"] == {"cells": "triangles", "size": 0.1, "growth": 0.3}
+    assert set(problem.inputs()["regions"]["base"]) == {"shape", "solid"}
+
+
 def test_names_that_do_not_fit_a_mesh_file(tmp_path: Path) -> None:
     (tmp_path / "strip.geo").write_text(NUMBERS)
     for mesh, message in (

@@ -18,6 +18,7 @@ from tmc_vem.mesh.io import read_mesh
 from tmc_vem.mesh.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.notes import say
 
 Int = NDArray[np.int64]
 
@@ -79,12 +80,19 @@ def from_gmsh_model(**reading: Any) -> PolygonMesh:
     """
     import gmsh
 
+    called = reading.pop("called", "the mesh of gmsh")
+    everything = gmsh.option.getNumber("Mesh.SaveAll") > 0.0
+    ungrouped = [tag for _, tag in gmsh.model.getEntities(2) if not len(gmsh.model.getPhysicalGroupsForEntity(2, tag))]
+    if ungrouped and gmsh.model.getPhysicalGroups() and not everything:
+        listed = ", ".join(map(str, ungrouped[:3])) + (" ..." if len(ungrouped) > 3 else "")
+        say(f"{called}: gmsh leaves out surfaces in no physical group (Mesh.SaveAll = 1 keeps them): {listed}")
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / "model.msh"
-        gmsh.option.setNumber("Mesh.MshFileVersion", 2.2)
+        # with all entities, version 2.2 loses the groups
+        gmsh.option.setNumber("Mesh.MshFileVersion", 4.1 if everything else 2.2)
         gmsh.option.setNumber("Mesh.Binary", 1)
         gmsh.write(str(path))
-        return read_mesh(path, **{"called": "the mesh of gmsh", **reading})
+        return read_mesh(path, called=called, **reading)
 
 
 def mesh_geometry(path: str | Path, **reading: Any) -> PolygonMesh:

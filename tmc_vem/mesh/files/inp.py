@@ -189,7 +189,9 @@ class _Builder:
         return [self.places[number].nodes[label] for number, label in labels if label in self.places[number].nodes]
 
     def _surface(self, record: Record, name: str, kind: str, data: list[list[str]], places: list[_Place]) -> None:
-        """Sides of elements as named edges, nodes as a group."""
+        """Sides of elements as named edges, nodes as a group; cutting surfaces and the like are passed over."""
+        if kind not in ("ELEMENT", "NODE"):
+            return
         pairs: list[list[int]] = []
         nodes: list[int] = []
         for place in places:
