@@ -332,7 +332,9 @@ def require_finite_start(system: Any, problem: Problem) -> None:
         bad = ["the stress, that is the derivative of the energy,"]
     if bad:
         checked = "'tmc-vem codegen FILE.py:FUNCTION --check' checks an energy of your own"
-        raise InputError(f"{bad[0]} is no finite number in the undeformed state: {_fault(problem) or checked}")
+        fault = _fault(problem)
+        why = f"{fault}; " if fault else ""
+        raise InputError(f"{bad[0]} is no finite number in the undeformed state: {why}{checked}")
 
 
 def _fault(problem: Problem) -> str:
