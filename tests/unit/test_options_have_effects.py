@@ -17,9 +17,10 @@ from tmc_vem import Box, Medium, RunOptions, RunResult, run
 from tmc_vem.cli import run as commands
 from tmc_vem.fem.settings import FemSettings
 from tmc_vem.mesh.geometry import areas
+from tmc_vem.problem_file import read_problem
 from tmc_vem.problems import Bodies, CBox, Material, Problem, Punch
 from tmc_vem.problems.base import medium_region
-from tmc_vem.simulation import discretise
+from tmc_vem.simulation import discretise, run_inputs
 from tmc_vem.vem.element import ElementSettings
 
 # -- the command line ------------------------------------------------------------------------------------------------
@@ -218,6 +219,111 @@ def test_every_parameter_of_a_medium_changes_its_energy(tmp_path: Path) -> None:
         assert (after.energy.name, dict(after.values)) != (before.energy.name, dict(before.values)), key
     with_alpha = medium_region(Medium(**{**usual, "alpha_r": None, "alpha": 2.5}), 3.0, 0.5)
     assert with_alpha.values["alpha_r"] == pytest.approx(2.5 * 3.0 * 0.25)
+
+
+# -- problem files ---------------------------------------------------------------------------------------------------
+
+FILE = """
+name = "frame"
+gap = ["top", "bottom"]
+[shapes]
+outer = { rectangle = [0, 0, 2, 1] }
+hole = { disc = [1, 0.5, 0.2] }
+[regions.frame]
+shape = "outer - hole"
+solid = { K = 20, mu = 10 }
+[regions.medium]
+shape = "hole"
+medium = { gamma = 1e-4, mu = 10 }
+[mesh]
+size = 0.15
+refine = [{ near = [1, 1], size = 0.08 }]
+[points]
+top = [1, 0.7]
+bottom = [1, 0.3]
+pushed = [1, 1]
+[edges]
+foot = { line = [[0, 0], [2, 0]] }
+[[support]]
+at = "foot"
+ux = 0
+uy = 0
+[load]
+at = "pushed"
+uy = -0.1
+[probes.more]
+displacement = "ux"
+at = "top"
+"""
+# what is replaced -> by what
+IN_FILES = {
+    "rectangle": ("[0, 0, 2, 1]", "[0, 0, 2.2, 1]"),
+    "polygon": ("{ rectangle = [0, 0, 2, 1] }", "{ polygon = [[0, 0], [2.2, 0], [2, 1], [0, 1]] }"),
+    "disc": ("{ disc = [1, 0.5, 0.2] }", "{ rectangle = [0.8, 0.3, 1.2, 0.7] }"),
+    "rounded": ("[0, 0, 2, 1] }", "[0, 0, 2, 1], rounded = 0.2 }"),
+    "near": ("near = [1, 1]", "near = [[0.5, 1], [1.5, 1]]"),
+    "size near": ("size = 0.08", "size = 0.06"),
+    "within": ("size = 0.08", "size = 0.08, within = 0.3"),
+    "size": ("size = 0.15", "size = 0.12"),
+    "growth": ("size = 0.15", "size = 0.15\ngrowth = 0.1"),
+    "cells": ("size = 0.15", 'size = 0.15\ncells = "triangles"'),
+    "K": ("K = 20", "K = 21"),
+    "mu of the solid": ("K = 20, mu = 10", "K = 20, mu = 11"),
+    "density": ("solid = { K = 20, mu = 10 }", 'density = "own.py:stiff"\nparameters = { k = 3 }'),
+    "hold": ("solid = { K = 20, mu = 10 }", 'solid = { K = 20, mu = 10 }\nhold = "medium"'),
+    "gamma": ("gamma = 1e-4", "gamma = 1e-3"),
+    "alpha_r": ("gamma = 1e-4", "gamma = 1e-4, alpha_r = 2"),
+    "alpha": ("gamma = 1e-4", "gamma = 1e-4, alpha = 2.5"),
+    "h": ("gamma = 1e-4", "gamma = 1e-4, alpha = 2.5, h = 0.2"),
+    "beta": ("gamma = 1e-4", "gamma = 1e-4, beta = 3"),
+    "regulariser": ("gamma = 1e-4", 'gamma = 1e-4, regulariser = "huhu"'),
+    "parameters": ("gamma = 1e-4", 'gamma = 1e-4, regulariser = "own.py:bending", parameters = { kappa = 2 }'),
+    "mu of the medium": ("1e-4, mu = 10", "1e-4, mu = 3"),
+    "line": ("{ line = [[0, 0], [2, 0]] }", "{ line = [[0, 0], [0, 1]] }"),
+    "box": ("{ line = [[0, 0], [2, 0]] }", "{ box = [0, 0, 1, 0] }"),
+    "circle": ("{ line = [[0, 0], [2, 0]] }", '{ circle = [1, 0.5, 0.2], between = ["frame", "medium"] }'),
+    "between": ("{ line = [[0, 0], [2, 0]] }", '{ between = ["frame", "medium"] }'),
+    "ux": ("ux = 0\n", "ux = 0.1\n"),
+    "uy": ("uy = -0.1", "uy = -0.2"),
+    "at": ('at = "pushed"', 'at = "top"'),
+    "points": ("top = [1, 0.7]", "top = [1.2, 0.5]"),
+    "gap": ('gap = ["top", "bottom"]', 'gap = ["pushed", "bottom"]'),
+    "displacement": ('displacement = "ux"', 'displacement = "uy"'),
+    "position": ('displacement = "ux"', 'position = "x"'),
+    "probe's gap": ('displacement = "ux"\nat = "top"', 'gap = ["top", "pushed"]'),
+    "reaction": ('displacement = "ux"\nat = "top"', 'reaction = "uy"\nat = "foot"'),
+    "mean": ('displacement = "ux"\nat = "top"', 'mean = "J"\nregion = "medium"'),
+    "units": ("[edges]", '[units]\nlength = "mm"\nforce = "N"\n[edges]'),
+}
+STIFF = "def stiff(F, G, p, m):\n    J = F[0][0] * F[1][1] - F[0][1] * F[1][0]\n    return p.k * (J - 1) ** 2\n"
+
+
+def problem_of(text: str, directory: Path) -> Problem:
+    (directory / "problem.toml").write_text(text)
+    return read_problem(directory / "problem.toml")[0]
+
+
+def without_mesh(problem: Problem) -> tuple[Any, ...]:
+    return energies_of(problem), problem.probes(), problem.units()
+
+
+def with_mesh(problem: Problem) -> tuple[Any, ...]:
+    """Cells and areas, and where named points and edges are."""
+    mesh = problem.make_mesh()
+    places = {name: mesh.points_vx[v].round(9).tolist() for name, v in mesh.named_points.items()}
+    foot = np.round(np.sort(mesh.points_vx[mesh.named_edges["foot"]].reshape(-1, 2), axis=0), 9).tolist()
+    return mesh_of(problem), places, foot
+
+
+def test_every_entry_of_a_problem_file_has_an_effect(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(BENDING + STIFF)
+    usual = problem_of(FILE, tmp_path)
+    parts, mesh = without_mesh(usual), with_mesh(usual)
+    for name, (old, new) in IN_FILES.items():
+        assert FILE.count(old) == 1, name
+        other = problem_of(FILE.replace(old, new), tmp_path)
+        assert without_mesh(other) != parts or with_mesh(other) != mesh, name
+        assert run_inputs(other, RunOptions()) != run_inputs(usual, RunOptions()), name
 
 
 # -- runs ------------------------------------------------------------------------------------------------------------
