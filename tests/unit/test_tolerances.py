@@ -240,3 +240,9 @@ def test_what_is_worth_a_warning(good: list[Any], bad: list[Any]) -> None:
 @pytest.mark.parametrize(("gamma", "count"), [(0.0099, 0), (0.0101, 1)])
 def test_what_gamma_is_large(gamma: float, count: int) -> None:
     assert len(findings(record(), inputs={"medium": {"gamma": gamma}})) == count
+
+
+@pytest.mark.parametrize(("difference", "count"), [(0.9e-9, 0), (1.1e-9, 1)])
+def test_parameters_are_those_of_the_problem_up_to_a_billionth(difference: float, count: int) -> None:
+    last = record(parameters={"gamma": 1e-5 * (1.0 + difference)})
+    assert len(findings(last, inputs={"medium": {"gamma": 1e-5}})) == count
