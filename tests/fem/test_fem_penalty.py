@@ -84,6 +84,22 @@ def test_scaling_of_the_penalty() -> None:
     assert energy(beta=2.0) == pytest.approx(np.exp(-2.0) * expected)
 
 
+def test_damping_of_the_penalty_is_by_j_of_both_sides() -> None:
+    """A sheared and stretched state with a kink: J by hand on both sides, and the mean of exp(-beta J)."""
+    A = np.array([[0.1, 0.4], [-0.2, 0.3]])
+    kink, beta, length = np.array([0.05, 0.15]), 3.0, 0.5
+
+    def moved(x: Float) -> Float:
+        return x @ A.T + np.maximum(x[:, :1] - 0.5, 0.0) * kink
+
+    system = make_system(grid(2, 1, length=1.0, height=length), medium(beta=beta), interior_penalty="penalty")
+    left = np.eye(2) + A
+    right = left + np.outer(kink, [1.0, 0.0])
+    damping = np.mean([np.exp(-beta * np.linalg.det(F)) for F in (left, right)])
+    expected = 0.3 * 0.7 * 10.0 / (2.0 * 0.5) * damping * (kink @ kink) * length
+    assert facet_energy(system, system.interpolate(moved), "all") == pytest.approx(expected, rel=1e-10)
+
+
 def test_no_penalty_on_facets_of_the_solid() -> None:
     """A kink between solid and medium, or inside the solid, is free."""
     system = make_system(layered(4, 4, distort=0.0), {"solid": SOLID, "medium": medium()}, interior_penalty="penalty")

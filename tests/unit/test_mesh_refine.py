@@ -41,6 +41,22 @@ def test_one_square_becomes_four():
     }
 
 
+@pytest.mark.parametrize("marked", [[0], [1, 2], [5, 6, 9, 10], list(range(16))])
+def test_children_have_the_region_of_their_parent(marked):
+    """Wherever they are: next to cells of another region too, with or without hanging nodes."""
+    before = squares()
+    mesh = refine(before, marked)
+    for c, loop in enumerate(mesh.cells()):
+        x, y = mesh.points_vx[loop].mean(axis=0)
+        assert mesh.region_names[mesh.region_c[c]] == ("b" if max(x, y) < 0.5 else "a")
+    for region in (0, 1):
+        both = [
+            sum(areas(m.points_vx[loop][None])[0] for loop, r in zip(m.cells(), m.region_c, strict=True) if r == region)
+            for m in (before, mesh)
+        ]
+        assert both[0] == pytest.approx(both[1])
+
+
 def test_named_edges_are_named_in_pieces():
     mesh = refine(squares(), [0, 1])
     pairs = mesh.named_edges["low"]

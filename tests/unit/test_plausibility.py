@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tmc_vem import Box, Medium, run
@@ -143,3 +144,82 @@ def test_a_run_says_them() -> None:
     soft = run(Box(cells=(20, 5), uy=-0.2, medium=Medium(gamma=1e-6)))
     assert list(soft.warnings) == []
     assert list(soft.errors) == []
+
+
+# -- problems with several media --------------------------------------------------------------------------------------
+
+MEDIA = ["medium", "medium b"]
+BOTH = {"regions": {"block": {"solid": {"K": 1.0}}, "medium": {"medium": {"gamma": 1e-5}},
+                    "medium b": {"medium": {"gamma": 1e-4}}}}  # fmt: skip
+
+
+def of_two(first: tuple[float, float], second: tuple[float, float], load: float = 1.0, **changes: Any) -> StepRecord:
+    """A step with smallest J and energy of each medium; the solid has the rest of 1."""
+    min_j = {"solid": 0.8, "medium": first[0], "medium b": second[0]}
+    energy = {"solid": 1.0 - first[1] - second[1], "medium": first[1], "medium b": second[1]}
+    return record(load, min_j=min_j, energy=energy, **changes)
+
+
+@pytest.mark.parametrize("swap", [False, True])
+@pytest.mark.parametrize(
+    ("history", "message"),
+    [
+        ([((0.4, 0.0), (1e-7, 0.0), {})], "below 1e-06"),
+        ([((0.4, 0.0), (0.01, 0.06), {})], "6.0% of the final reaction squeezes the medium"),
+        ([((0.4, 0.03), (0.01, 0.03), {})], "6.0% of the final reaction squeezes the medium"),
+        (
+            [((0.9, 0.0), (0.9, 0.9), {"load": 0.1, "reaction": -0.2}), ((0.4, 0.0), (0.4, 0.01), {})],
+            "before contact (load 0.1) the medium alone gives 18%",
+        ),
+    ],
+)
+def test_every_medium_is_judged(history: list[Any], message: str, swap: bool) -> None:
+    steps = [of_two(*((b, a) if swap else (a, b)), **more) for a, b, more in history]
+    (finding,) = findings_of(Evidence(BOTH, steps, {}, MEDIA, SIZE))
+    assert message in finding.text
+
+
+@pytest.mark.parametrize("swap", [False, True])
+def test_one_medium_that_is_squeezed_is_enough(swap: bool) -> None:
+    """Then what the other one takes is no parasitic reaction before contact."""
+    first, second = (0.9, 0.5), (0.4, 0.0)
+    steps = [of_two(*((second, first) if swap else (first, second)), load=0.1, reaction=-0.5), of_two((0.4, 0), (1, 0))]
+    assert findings_of(Evidence(BOTH, steps, {}, MEDIA, SIZE)) == []
+
+
+@pytest.mark.parametrize("which", MEDIA)
+def test_large_gamma_and_other_parameters_of_any_medium(which: str) -> None:
+    regions = {**BOTH["regions"], which: {"medium": {"gamma": 0.02}}}
+    (finding,) = findings_of(Evidence({"regions": regions}, [], {}, MEDIA, SIZE))
+    assert finding.text.startswith("gamma = 0.02 is above")
+    wanted = BOTH["regions"][which]["medium"]["gamma"]
+    steps = [of_two((0.4, 0.0), (0.4, 0.0), parameters={"gamma": wanted})]
+    assert findings_of(Evidence(BOTH, steps, {}, MEDIA, SIZE)) == []
+
+
+def test_a_run_has_all_of_its_media_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A box whose medium is two regions."""
+    import dataclasses
+
+    from tmc_vem import recorder
+    from tmc_vem.problems.wrapped import Wrapped
+    from tmc_vem.simulation import media_of
+
+    class Halves(Wrapped):
+        def regions(self) -> Any:
+            regions = self.problem.regions()
+            return {**regions, "medium b": regions["medium"]}
+
+        def make_mesh(self) -> Any:
+            mesh = self.problem.make_mesh()
+            right = [mesh.points_vx[loop].mean(axis=0)[0] > 1.0 for loop in mesh.cells()]
+            number = mesh.region_names.index("medium")
+            region_c = [2 if r == number and at else r for r, at in zip(mesh.region_c, right, strict=True)]
+            return dataclasses.replace(mesh, region_c=np.array(region_c), region_names=(*mesh.region_names, "medium b"))
+
+    seen: list[Evidence] = []
+    monkeypatch.setattr(recorder, "findings_of", lambda evidence: seen.append(evidence) or [])
+    problem = Halves(Box(cells=(20, 5), uy=-0.01))
+    run(problem)
+    assert list(seen[0].media) == ["medium", "medium b"] == media_of(problem)
+    assert set(seen[0].history[-1].energy) == {"solid", "medium", "medium b"}

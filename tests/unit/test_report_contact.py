@@ -73,6 +73,19 @@ def test_overlap_of_two_bodies(depth):
     assert "solids overlap" in report.summary()
 
 
+@pytest.mark.parametrize("n", [2, 3, 5])
+def test_what_is_covered_several_times_counts_as_often(n):
+    """Squares side by side that are moved onto one another: all but one of them is too many."""
+    cells = [square(2.0 * c, 0.0) for c in range(n)]
+    onto = check_contact(state(cells, lambda p: np.column_stack([-2.0 * p[:, 2], 0.0 * p[:, 2]])))
+    assert onto.overlap_area == pytest.approx(n - 1.0)
+    half = check_contact(state(cells, lambda p: np.column_stack([-1.5 * p[:, 2], 0.0 * p[:, 2]])))
+    assert half.overlap_area == pytest.approx(0.5 * (n - 1))
+    if n == 3:  # the middle third is covered three times, both others twice
+        third = check_contact(state(cells, lambda p: np.column_stack([-(5.0 / 3.0) * p[:, 2], 0.0 * p[:, 2]])))
+        assert third.overlap_area == pytest.approx(3.0 - (1.0 + 2.0 / 3.0))
+
+
 def test_the_medium_may_do_what_it_likes():
     report = check_contact(state([LOWER, UPPER, BETWEEN], lowered(0.6), [0, 1, 1]))
     assert not report.interpenetrates

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
+from mpi4py import MPI
+from petsc4py import PETSc
 
 from tmc_vem import Box, Medium, RunOptions, run
 from tmc_vem.errors import InputError
 from tmc_vem.fields import Fields, Polygons
+from tmc_vem.recorder import Recorder
 from tmc_vem.report.snapshots import read_fields, snapshots
 from tmc_vem.results import RunResult
 from tmc_vem.run_directory import RunDirectory
@@ -142,6 +147,21 @@ def test_last_state_is_checked(short_run: RunResult) -> None:
     assert not checks["interpenetrates"]
     assert checks["imbalance"] < 1e-9
     assert 0.0 < checks["regulariser_energy"] < short_run.history[-1].energy["medium"]
+
+
+@pytest.mark.parametrize("component", [0, 1])
+def test_reactions_that_do_not_balance_are_seen_in_either_direction(component: int) -> None:
+    """Two held nodes with forces that add up to 3 in one direction; the largest is 4."""
+    forces = np.zeros((4, 2))
+    forces[1], forces[2] = (-4.0, -4.0), (4.0, 4.0)
+    forces[1, component] += 3.0
+    residual = PETSc.Vec().createWithArray(forces.ravel().copy())
+    system = SimpleNamespace(constrained=lambda: np.array([2, 3, 4, 5]), comm=MPI.COMM_SELF)
+    imbalance = Recorder._imbalance(cast(Recorder, SimpleNamespace(system=system)), residual)
+    assert imbalance == pytest.approx(3.0 / 4.0)
+    forces[1, component] = -4.0
+    balanced = PETSc.Vec().createWithArray(forces.ravel().copy())
+    assert Recorder._imbalance(cast(Recorder, SimpleNamespace(system=system)), balanced) == 0.0
 
 
 def test_both_methods_give_the_regulariser_the_same_energy(short_run: RunResult) -> None:

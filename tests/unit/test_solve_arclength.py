@@ -207,3 +207,15 @@ def test_an_arch_snaps_through_and_is_followed_back() -> None:
     assert stepper.run(u).complete
     assert any(step.jumped for step in jumped)
     assert float(system.point_displacements(u, ["crown"])[0, 1]) == pytest.approx(crown[-1], rel=1e-6)
+
+
+def test_the_length_of_the_branch_is_that_of_load_and_displacements() -> None:
+    """By hand: the mean square of the displacements, relative to the largest prescribed one, and the load factor."""
+    truss = Truss()
+    result, steps, found = follow(truss, largest=0.05)
+    assert result.complete
+    states = np.column_stack([[step.load for step in steps], np.array(found) / truss.depth])
+    pieces = np.diff(np.concatenate([np.zeros((1, 3)), states]), axis=0)
+    expected = np.sqrt(pieces[:, 0] ** 2 + 0.5 * 2 * (pieces[:, 1:] ** 2).sum(axis=1))
+    assert np.diff([0.0, *(step.time for step in steps)]) == pytest.approx(expected, rel=1e-9)
+    assert expected[1:-1].max() < 1.4 * 0.05 + 1e-12  # of its part along the tangent

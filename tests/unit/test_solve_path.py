@@ -14,8 +14,10 @@ from tmc_vem.constraints import Prescribed
 from tmc_vem.errors import InputError
 from tmc_vem.mesh import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.parts import with_names
+from tmc_vem.probes import Displacement
+from tmc_vem.problems.wrapped import Probed
 from tmc_vem.solve.budget import Budget, OutOfBudget
-from tmc_vem.solve.newton import NewtonSolver
+from tmc_vem.solve.newton import NewtonResult, NewtonSolver
 from tmc_vem.solve.path import DECADE, Control, ControlPath, load_path
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
@@ -314,3 +316,80 @@ def test_unloading_to_nothing_needs_no_more_iterations_than_other_steps() -> Non
     assert steps[-1].load == 0.0
     assert len(steps[-1].newton.iterations) <= 5
     assert u.norm(3) < 1e-8
+
+
+# -- parameters that reach the system --------------------------------------------------------------------------------
+
+
+class Told:
+    """A system that keeps the parameters that it is told."""
+
+    def __init__(self, system: Any) -> None:
+        self._system = system
+        self.parameters: list[dict[str, float]] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._system, name)
+
+    def set_parameters(self, values: Any) -> None:
+        self.parameters.append(dict(values))
+
+
+def test_the_path_s_parameters_come_before_those_that_may_be_softened() -> None:
+    system = Told(block())
+    path = ControlPath([Control(0.0, {"gamma": 1e-3}), Control(1.0, {"gamma": 1e-3}), Control(1.0, {"gamma": 1e-5})])
+    soften = {"gamma": 1e-5, "alpha_r": 2.0}
+    u = system.create_vector()
+    stepper = LoadStepper(NewtonSolver(system), SteppingOptions(steps=2), path=path, soften=soften)
+    assert stepper.run(u).complete
+    gammas = [told["gamma"] for told in system.parameters]
+    assert gammas[:2] == [1e-3, 1e-3]  # the first leg
+    assert gammas == sorted(gammas, reverse=True)
+    assert gammas[-1] == 1e-5
+    assert {told["alpha_r"] for told in system.parameters} == {2.0}
+
+
+def test_a_detour_is_stiffer_than_the_path_is_there() -> None:
+    """Where the path has a larger gamma than the problem, ten times the problem's would be softer, not stiffer."""
+    system = Told(block())
+    path = ControlPath([Control(0.0, {"gamma": 1e-2}), Control(1.0, {"gamma": 1e-2}), Control(1.0, {"gamma": 1e-5})])
+    solver = NewtonSolver(system)
+    stepper = LoadStepper(solver, SteppingOptions(), path=path, soften={"gamma": 1e-5})
+    refused = NewtonResult(False, "for the test", system.energy(system.create_vector()))
+    solver.solve = lambda u, *, minimise=False: refused  # type: ignore[method-assign]
+    u, trial = system.create_vector(), system.create_vector()
+    assert not stepper._other_branch(u, trial, 0.2, 0.3).converged
+    told = [parameters["gamma"] for parameters in system.parameters]
+    assert min(told) == pytest.approx(1e-2)
+    assert max(told) > 1e-2
+
+
+@pytest.mark.parametrize("name", ["gamma", "alpha_r"])
+def test_a_run_with_continuation_is_one_with_that_parameter_until_full_load(name: str) -> None:
+    """On the way its states are those of the other medium, at the end those of the problem."""
+    end, start = {"gamma": 1e-4, "alpha_r": 1.0}, {"gamma": 1e-3, "alpha_r": 30.0}
+    begin = {**end, name: start[name]}
+    continued = run(
+        Box(cells=(20, 5), uy=-0.2, medium=Medium(**end)), None, RunOptions(steps=2, continuation={name: start[name]})
+    )
+    other, plain = (
+        run(Box(cells=(20, 5), uy=-0.2, medium=Medium(**m)), None, RunOptions(steps=2)) for m in (begin, end)
+    )
+    assert [step.load for step in continued.history] == [0.5, 1.0, 1.0, 1.0]
+    for mine, theirs in zip(continued.history[:2], other.history, strict=True):
+        assert mine.energy["medium"] == pytest.approx(theirs.energy["medium"], rel=1e-6)
+        assert dict(mine.parameters) == {name: start[name]}
+    assert continued.history[-1].energy["medium"] == pytest.approx(plain.history[-1].energy["medium"], rel=1e-6)
+    assert dict(continued.history[-1].parameters) == {name: end[name]}
+    assert other.history[-1].energy["medium"] > 1.05 * plain.history[-1].energy["medium"]
+
+
+def test_the_displacement_has_the_sign_of_the_load() -> None:
+    """Pushed, pulled and pushed again; the loaded node is where the record says."""
+    problem = Probed(Box(cells=(20, 5), uy=-0.03), {"node": Displacement("uy", "load")})
+    result = run(problem, None, RunOptions(steps=1, path=(0.0, 1.0, -0.5, 0.25)))
+    assert [step.load for step in result.history] == [1.0, -0.5, 0.25]
+    assert [step.displacement for step in result.history] == pytest.approx([-0.03, 0.015, -0.0075])
+    assert [step.probes["node"] for step in result.history] == pytest.approx([-0.03, 0.015, -0.0075])
+    assert [np.sign(step.reaction) for step in result.history] == [-1.0, 1.0, -1.0]
+    assert [np.sign(step.load_force) for step in result.history] == [1.0, -1.0, 1.0]
