@@ -56,6 +56,7 @@ METHOD = [
     (("--method", "fem", "--triangles"), "settings.fem.triangles", True),
     (("--checkpoint-every", "5"), "settings.checkpoint_every", 5),
     (("--snapshots", "3"), "settings.snapshots", 3),
+    (("--triangulated",), "settings.triangulated", True),
     (("--solver", "iterative"), "settings.solver", "iterative"),
     (("--overwrite",), "settings.overwrite", True),
     (("--out", "somewhere"), "options.out", Path("somewhere")),
@@ -355,7 +356,7 @@ IN_MEMORY: dict[str, tuple[Any, Mapping[str, Any], Any]] = {
     "element": (ElementSettings(order=3), {}, lambda r: r.n_dofs > 1200),
     "method": ("fem", {}, lambda r: r.projection_degrees == {}),
 }
-NOT_HERE = ("fem", "snapshots", "checkpoint_every", "overwrite")  # they have tests of their own below
+NOT_HERE = ("fem", "snapshots", "checkpoint_every", "overwrite", "triangulated")  # they have tests of their own below
 
 
 @pytest.mark.parametrize("name", IN_MEMORY)
@@ -372,6 +373,9 @@ def test_what_a_run_leaves_behind_is_as_its_options_say(tmp_path: Path) -> None:
         run(BOX, tmp_path / "box", RunOptions(steps=4, snapshots=snapshots, checkpoint_every=every, overwrite=True))
         assert len(list((tmp_path / "box").glob("fields/*.vtu"))) == snapshots
         assert (tmp_path / "box" / "checkpoint.npz").exists() == (every > 0)
+        assert not (tmp_path / "box" / "triangulated.pvd").exists()
+    run(BOX, tmp_path / "cut", RunOptions(steps=1, snapshots=1, triangulated=True))
+    assert (tmp_path / "cut" / "triangulated.pvd").exists()
     from tmc_vem.errors import InputError
 
     with pytest.raises(InputError, match="overwrite"):

@@ -38,6 +38,7 @@ def test_kinds_of_quantities() -> None:
 def test_arrays_of_fields() -> None:
     assert Units("mm", "N").of_fields() == {
         "Points": "mm", "displacement": "mm", "J": "1", "min_J": "1", "energy_density": "N/mm^2", "region": "1",
+        "medium": "1",
     }  # fmt: skip
 
 
