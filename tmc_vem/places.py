@@ -10,10 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
-from tmc_vem.mesh.locate import Cells
+from tmc_vem.mesh.locate import TOLERANCE, Cells
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+
+# A point lies in the nearest cell; those that are as near up to this fraction of the tolerance count as equally near.
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,8 @@ class Places:
     """Points, each in one cell of one rank; which one does not depend on the number of ranks.
 
     Inside a cell a virtual element function is not known; what is evaluated there is its L2 projection on polynomials
-    of the order k, which is as accurate. On the sides of cells it is known, and taken as it is.
+    of the order k, which is as accurate. On the sides of cells it is known, and taken as it is. A point outside of the
+    mesh, by no more than the tolerance, takes the nearest cell.
 
     Args:
         system: the discretisation; all ranks make this object together, of the same points.
@@ -69,7 +73,7 @@ class Places:
         ranks = np.broadcast_to(np.arange(len(parts))[:, None], distance_rn.shape)
         rank_n = np.lexsort((ranks, number_rn, distance_rn), axis=0)[0]
         every = np.arange(len(points))
-        for n in np.flatnonzero(distance_rn[rank_n, every] > 0.0).tolist():
+        for n in np.flatnonzero(distance_rn[rank_n, every] > TOLERANCE * system.size).tolist():
             (x, y), (near_x, near_y) = points[n], nearest_rnx[rank_n[n], n]
             raise InputError(
                 f"{names[n] if names else 'point'} ({x:g}, {y:g}) lies {distance_rn[rank_n[n], n]:.3g} outside of the "

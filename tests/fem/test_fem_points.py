@@ -7,6 +7,7 @@ import pytest
 from helpers_fem import SOLID, Float, grid, make_system, medium, random_vector, wavy
 
 from tmc_vem.fem.points import jacobian, largest_step
+from tmc_vem.places import Places
 
 
 def quadratic(x: Float) -> Float:
@@ -25,6 +26,18 @@ def test_gradients_of_a_quadratic_on_skewed_cells(triangles: bool) -> None:
     assert first == pytest.approx(expected, abs=1e-12)
     assert second == pytest.approx(np.broadcast_to(G, second.shape), abs=1e-10)
     assert system.points.w_cq.sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("triangles", [False, True])
+@pytest.mark.parametrize("away", [-1e-7, 0.0, 1e-9, 1e-7])
+def test_points_near_sides_do_not_snap_to_them(triangles: bool, away: float) -> None:
+    mesh = grid(3, 3, distort=0.25)
+    system = make_system(mesh, SOLID, triangles=triangles)
+    ends = mesh.points_vx[mesh.edges.vertices_ev]
+    along = ends[:, 1] - ends[:, 0]
+    points = ends.mean(axis=1) + away * np.column_stack([along[:, 1], -along[:, 0]])
+    found = Places(system, points).displacements(system.interpolate(quadratic))
+    assert found == pytest.approx(quadratic(points), abs=1e-12)
 
 
 def brute_force_step(gradient: Float, direction: Float) -> float:

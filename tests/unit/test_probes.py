@@ -72,6 +72,41 @@ def test_on_sides_the_function_itself_is_taken_and_not_its_projection() -> None:
     assert Places(system, mesh.points_vx).displacements(u) == pytest.approx(nodes[dofmap.vertex_nodes], abs=1e-9)
 
 
+@pytest.mark.parametrize("away", [-1e-7, -1e-11, 0.0, 1e-11, 1e-9, 1e-7, 1e-6, 1e-5])
+def test_points_near_sides_do_not_snap_to_them(away: float) -> None:
+    """Linear fields are exact at any distance from a side, on both sides of it and a little outside of the mesh."""
+    mesh = voronoi(30)
+    system = make_system(mesh, SOLID)
+    ends = mesh.points_vx[mesh.edges.vertices_ev]
+    along = ends[:, 1] - ends[:, 0]
+    normal = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+    points = ends[:, 0] + 0.3 * along + away * normal
+    points = points[((points >= -5e-7) & (points <= 1.0 + 5e-7)).all(axis=1)]
+
+    def field(x: Any) -> Any:
+        return x @ np.array([[0.3, -2.0], [1.0, 0.7]]) + [0.1, -0.2]
+
+    assert Places(system, points).displacements(interpolate(system, field)) == pytest.approx(field(points), abs=1e-12)
+
+
+def test_of_two_cells_near_a_point_the_one_that_has_it_counts() -> None:
+    """Not the one of the smaller number, as far as the tolerance reaches: that would be the numbering's choice."""
+    mesh = voronoi(30)
+    system = make_system(mesh, SOLID)
+    u = system.create_vector()
+    u.getArray()[:] = np.random.default_rng(1).uniform(-1.0, 1.0, u.getLocalSize())
+    inner = mesh.edges.n_cells_e == 2
+    ends = mesh.points_vx[mesh.edges.vertices_ev[inner]]
+    along = ends[:, 1] - ends[:, 0]
+    normal = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+    middle = ends.mean(axis=1)
+    steps = [Places(system, middle + away * normal).displacements(u) for away in (-2e-7, -1e-7, 0.0, 1e-7, 2e-7)]
+    low, high = steps[1] - steps[0], steps[4] - steps[3]
+    assert steps[2] - steps[1] == pytest.approx(low, abs=1e-10)  # straight up to the side, from either cell
+    assert steps[3] - steps[2] == pytest.approx(high, abs=1e-10)
+    assert np.abs(low - high).max() > 1e-8
+
+
 @pytest.mark.parametrize("method", ["vem", "fem"])
 def test_probes_of_a_run(method: str, tmp_path: Path) -> None:
     if method == "fem":

@@ -10,7 +10,7 @@ from tmc_vem.fem import compat
 from tmc_vem.fem.mesh import FemMesh
 from tmc_vem.fem.nodes import Nodes
 from tmc_vem.mesh.locate import find_cells
-from tmc_vem.places import Located
+from tmc_vem.places import ROUNDING, Located
 
 Float = NDArray[np.float64]
 ITERATIONS = 20  # of Newton's method for the reference coordinates; triangles take one
@@ -20,11 +20,11 @@ def locate(mesh: FemMesh, nodes: Nodes, order: int, points_nx: Float, tolerance:
     """Points (n, 2) in the cells that this rank owns."""
     corners = mesh.points_cvx[: mesh.n_owned]
     loops = list(corners[:, compat.tensor_order(mesh.cell)])
-    cells = find_cells(loops, mesh.cell_ids[: mesh.n_owned], points_nx, tolerance)
+    cells = find_cells(loops, mesh.cell_ids[: mesh.n_owned], points_nx, ROUNDING * tolerance)
     shape = (len(points_nx), nodes.n_local)
     if not mesh.n_owned:
         return Located(cells, np.full(len(points_nx), -1), csr_array(shape))
-    xi = _reference(mesh.cell, corners[cells.cell_n], cells.nearest_nx)
+    xi = _reference(mesh.cell, corners[cells.cell_n], points_nx)
     values = np.concatenate([compat.lagrange_table(mesh.cell, order, x[None], 0)[0] for x in xi])
     columns = nodes.cell_nodes_ca[cells.cell_n]
     rows = np.repeat(np.arange(len(points_nx)), columns.shape[1])

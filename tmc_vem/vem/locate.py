@@ -11,9 +11,10 @@ from scipy.sparse import csr_array
 from tmc_vem.mesh.distribute import DistributedMesh
 from tmc_vem.mesh.geometry import centroids, diameters
 from tmc_vem.mesh.locate import find_cells
-from tmc_vem.places import Located
+from tmc_vem.places import ROUNDING, Located
 from tmc_vem.vem.blocks import Block
 from tmc_vem.vem.dofmap import DofMap
+from tmc_vem.vem.projector import n_scalar_dofs
 from tmc_vem.vem.quadrature import gauss_lobatto
 from tmc_vem.vem.tables import points_and_values
 
@@ -26,10 +27,12 @@ def locate(
 ) -> Located:
     """Points (n, 2) in the cells of this rank.
 
-    On a side of its cell, up to the tolerance, a point gets the weights of the side's nodes; inside, those of Pi0_k.
+    Inside a cell a point gets the weights of Pi0_k. On a side, up to the tolerance, it gets those of the side's nodes
+    at the nearest point of the side, and by how much Pi0_k differs between there and the point.
     """
     mesh, order = distributed.mesh, dofmap.order
-    cells = find_cells([mesh.points_vx[loop] for loop in mesh.cells()], distributed.cell_ids, points_nx, tolerance)
+    loops = [mesh.points_vx[loop] for loop in mesh.cells()]
+    cells = find_cells(loops, distributed.cell_ids, points_nx, ROUNDING * tolerance)
     weights = csr_array((len(points_nx), dofmap.n_nodes))
     if not mesh.n_cells:
         return Located(cells, np.full(len(points_nx), -1), weights)
@@ -42,15 +45,14 @@ def locate(
             continue
         local = position[cells.cell_n[chosen]]
         polygons = block.polygons(mesh)[local]
-        side, t, away = _nearest_side(polygons, points_nx[chosen])
-        inner, on = np.flatnonzero(away > tolerance), np.flatnonzero(away <= tolerance)
-        xi = (points_nx[chosen[inner]] - centroids(polygons[inner])) / diameters(polygons[inner])[:, None]
-        if len(inner):
-            _, basis = points_and_values(polygons[inner], order, xi[:, None])
-            nodes = block.batch.nodes_ca[local[inner]]
-            rows.append(np.repeat(chosen[inner], nodes.shape[1]))
-            columns.append(nodes.ravel())
-            values.append(basis[:, 0].ravel())
+        side, t, nearest, away = _nearest_side(polygons, points_nx[chosen])
+        on = np.flatnonzero(away <= tolerance)
+        projected = _projection(polygons, order, points_nx[chosen])
+        projected[on] -= _projection(polygons[on], order, nearest[on])
+        nodes = block.batch.nodes_ca[local]
+        rows.append(np.repeat(chosen, nodes.shape[1]))
+        columns.append(nodes.ravel())
+        values.append(projected.ravel())
         # edges run in the same direction on all ranks
         entry = mesh.cell_offsets[block.cells[local[on]]] + side[on]
         edge, along = distributed.edges.cell_edges[entry], distributed.edges.forward[entry]
@@ -63,15 +65,25 @@ def locate(
     return Located(cells, distributed.cell_ids[cells.cell_n], csr_array(entries, shape=weights.shape))
 
 
-def _nearest_side(polygons_cvx: Float, points_cx: Float) -> tuple[Int, Float, Float]:
-    """Of each polygon, the side (n,) nearest to a point, where on it from 0 to 1 (n,), and how far away (n,)."""
+def _projection(polygons_cvx: Float, order: int, points_cx: Float) -> Float:
+    """Values (n, n_basis) of Pi0_k of the basis of each polygon at a point."""
+    if not len(polygons_cvx):
+        return np.empty((0, n_scalar_dofs(polygons_cvx.shape[1], order)))
+    xi = (points_cx - centroids(polygons_cvx)) / diameters(polygons_cvx)[:, None]
+    values: Float = points_and_values(polygons_cvx, order, xi[:, None])[1][:, 0]
+    return values
+
+
+def _nearest_side(polygons_cvx: Float, points_cx: Float) -> tuple[Int, Float, Float, Float]:
+    """Of each polygon, the side (n,) nearest to a point; where on it, from 0 to 1 and as a point; how far away."""
     arm = np.roll(polygons_cvx, -1, axis=1) - polygons_cvx
     from_start = points_cx[:, None] - polygons_cvx
     t = np.clip((from_start * arm).sum(axis=2) / (arm * arm).sum(axis=2), 0.0, 1.0)
-    away = np.linalg.norm(from_start - t[..., None] * arm, axis=2)
+    nearest = polygons_cvx + t[..., None] * arm
+    away = np.linalg.norm(points_cx[:, None] - nearest, axis=2)
     side = away.argmin(axis=1)
     every = np.arange(len(side))
-    return side, t[every, side], away[every, side]
+    return side, t[every, side], nearest[every, side], away[every, side]
 
 
 def _lagrange(order: int, t: Float) -> Float:
