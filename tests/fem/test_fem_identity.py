@@ -1,0 +1,47 @@
+"""On rectangles both methods are one: [P_3]^2 on them with the product rule is Q2 with 4 x 4 Gauss points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers_fem import FemSettings
+
+from tmc_vem import Box, RunOptions, RunResult, run
+from tmc_vem.vem.element import ElementSettings
+
+
+@pytest.fixture(scope="module")
+def by_vem() -> RunResult:
+    return run(Box(cells=(20, 10), uy=-0.3), None, RunOptions(element=ElementSettings(rule="auto")))
+
+
+@pytest.fixture(scope="module")
+def by_fem() -> RunResult:
+    chosen = FemSettings(quadrature=6, interior_penalty="none")
+    return run(Box(cells=(20, 10), uy=-0.3), None, RunOptions("fem", fem=chosen))
+
+
+def test_all_digits_agree_on_rectangles(by_vem: RunResult, by_fem: RunResult) -> None:
+    """So agreement on rectangles checks the programs, not the discretisation."""
+    assert by_vem.history[-1].probes["gap"] < 0.05
+    assert len(by_vem.history) == len(by_fem.history)
+    for vem, fem in zip(by_vem.history, by_fem.history, strict=True):
+        assert vem.load == pytest.approx(fem.load, rel=1e-12)
+        assert vem.iterations == fem.iterations
+        assert vem.probes["gap"] == pytest.approx(fem.probes["gap"], rel=1e-11)
+        assert vem.reaction == pytest.approx(fem.reaction, rel=1e-10)
+        for of in ("energy", "min_j"):
+            assert dict(getattr(vem, of)) == pytest.approx(dict(getattr(fem, of)), rel=1e-9), of
+
+
+def test_other_cells_and_rules_are_other_methods(by_fem: RunResult) -> None:
+    """Hanging nodes, Voronoi cells and other rules move the gap by much more than rounding, and not by much."""
+    box = Box(cells=(20, 10), uy=-0.3)
+    others = {
+        "points on sub-triangles": (box, ElementSettings(rule="triangles")),
+        "hanging nodes": (Box(cells=(20, 10), uy=-0.3, medium_refinement=2), ElementSettings()),
+        "voronoi": (Box(cells=(20, 10), uy=-0.3, cell_kind="voronoi"), ElementSettings()),
+    }
+    for name, (problem, chosen) in others.items():
+        gap = run(problem, None, RunOptions(element=chosen)).gap
+        assert 1e-8 < np.abs(gap / by_fem.gap - 1.0) < 0.03, name
