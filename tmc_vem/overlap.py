@@ -22,6 +22,7 @@ from tmc_vem.parallel import on_root
 from tmc_vem.report.contact import Overlap, find_overlap
 from tmc_vem.report.rings import Change, Rings
 from tmc_vem.report.solids import Chains, Solids, covered
+from tmc_vem.results import StepRecord
 from tmc_vem.solve.protocol import Evaluation
 
 Float = NDArray[np.float64]
@@ -88,7 +89,7 @@ class OverlapWatch:
 
     Attributes:
         refused: the last state that was refused since :meth:`accepted`, or None.
-        crossed: whether outlines crossed in the state that was looked at last.
+        crossed: whether outlines have crossed in a state that was not refused, so that gaps have a sign from then on.
     """
 
     def __init__(
@@ -113,7 +114,7 @@ class OverlapWatch:
         self.is_active = self.is_active or any(squeezed)
         if not self.is_active:
             return ""
-        return self._verdict(self._look(u))
+        return self._verdict(self._watched().look(u))
 
     def refusal_of_jump(self, before: Any, after: Any) -> str:
         """Why a state on another branch cannot have been reached from the one before, or nothing.
@@ -124,6 +125,11 @@ class OverlapWatch:
         if not self._media:
             return ""
         return self._verdict(self._watched().between(before, after))
+
+    def go_on(self, history: Sequence[StepRecord]) -> None:
+        """Know what has been seen in the steps of a run that is resumed."""
+        self.is_active = any(record.min_j[name] < SQUEEZED for record in history for name in self._media)
+        self.crossed = any(record.gap is not None and record.gap < 0.0 for record in history)
 
     def accepted(self) -> None:
         """The run goes on from the state that was looked at last."""
@@ -137,10 +143,10 @@ class OverlapWatch:
         return self.refused.sentence(), f"Known cause: {cause}" if cause else REMEDY
 
     def behind(self, u: Any, origins: Sequence[Float], places: Sequence[Float]) -> bool:
-        """Whether the second of two points is behind the surface of the first one, where surfaces cross in state ``u``.
+        """Whether the second of two points is behind the surface of the first one, where surfaces have crossed.
 
         Args:
-            u: the state that was looked at last.
+            u: a state that was not refused.
             origins, places: (2,) coordinates of both points in the reference and in the deformed state.
         """
         return self.crossed and self._watched().behind(u, origins, places)
@@ -149,13 +155,11 @@ class OverlapWatch:
         """What is to be said about a state that is looked at cell by cell, whatever its outline says."""
         return self._watched().closely(u)
 
-    def _look(self, u: Any) -> Refusal | None:
-        found = self._watched().look(u)
-        self.crossed = found is not None
-        return found
-
     def _verdict(self, found: Refusal | None) -> str:
-        if found is None or self._tolerated or not (found.passed or found.overlap.exceeds(self._system.size)):
+        if found is None:
+            return ""
+        if self._tolerated or not (found.passed or found.overlap.exceeds(self._system.size)):
+            self.crossed = True
             return ""
         self.refused = found
         return found.sentence()

@@ -147,6 +147,7 @@ class Recorder:
             states.append(np.array(control), u)
         self.history = [StepRecord.from_plain(entry) for entry in facts["history"]]
         self._plain_history = [asdict(record) for record in self.history]
+        self.watch.go_on(self.history)
         self._seconds_before = self.history[-1].seconds if self.history else 0.0
         if self._on_root:
             units = self._headings(self.history[-1]) if self.history else {}

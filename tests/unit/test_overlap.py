@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from tmc_vem import run
 from tmc_vem.overlap import OverlapWatch, Refusal
 from tmc_vem.problem_file import read_problem
 from tmc_vem.report.contact import OVERLAP, Overlap
-from tmc_vem.results import RunResult
+from tmc_vem.results import RunResult, StepRecord
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.solve.protocol import Evaluation, RegionValues
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
@@ -61,6 +62,9 @@ def test_nothing_is_looked_at_before_the_medium_is_squeezed(system: Any) -> None
     watch = OverlapWatch(system, ["medium"], 2)
     through = interpolate(system, lowered(0.3))
     assert not watch.refusal(through, WIDE)
+    for min_j, refused in ((0.101, False), (0.099, True)):
+        narrow = Evaluation(0.0, {"medium": RegionValues(0.0, min_j)})
+        assert bool(OverlapWatch(system, ["medium"], 2).refusal(through, narrow)) == refused
     assert watch.refusal(through, SQUEEZED)
     assert watch.refusal(through, WIDE)  # from then on every state
 
@@ -70,7 +74,33 @@ def test_overlap_may_be_allowed(system: Any) -> None:
     assert not watch.refusal(interpolate(system, lowered(0.3)), SQUEEZED)
     assert watch.crossed
     assert not watch.refusal(interpolate(system, lowered(0.1)), SQUEEZED)
+    assert watch.crossed  # where a surface has come through, gaps keep their signs
+
+
+def test_refused_states_give_gaps_no_sign(system: Any) -> None:
+    watch = OverlapWatch(system, ["medium"], 2)
+    assert watch.refusal(interpolate(system, lowered(0.3)), SQUEEZED)
     assert not watch.crossed
+    points = [np.array([0.4, 0.6]), np.array([0.4, 0.4])]
+    assert not watch.behind(interpolate(system, lowered(0.1)), points, points)
+
+
+def test_a_body_beyond_the_other_is_behind_its_surface(system: Any) -> None:
+    """No outline crosses any more, but one has."""
+    watch = OverlapWatch(system, ["medium"], 2, tolerated=True)
+    before, beyond = (interpolate(system, lowered(amount)) for amount in (0.1, 1.5))
+    assert not watch.refusal_of_jump(before, beyond)
+    assert not watch.refusal(beyond, SQUEEZED)
+    points = [np.array([0.4, 0.6]), np.array([0.4, 0.4])]
+    assert watch.behind(beyond, points, [points[0] - [0.0, 1.5], points[1]])
+    # and after a resume
+    record = StepRecord(1, 1.0, -1.0, {"gap": -1.3}, 0.0, 1, 0, 0, {"medium": 0.3}, {}, 0, False, 0.0)
+    resumed = OverlapWatch(system, ["medium"], 2, tolerated=True)
+    resumed.go_on([record])
+    assert resumed.crossed
+    assert not resumed.is_active
+    resumed.go_on([dataclasses.replace(record, min_j={"medium": 0.099})])
+    assert resumed.is_active
 
 
 def test_a_jump_to_the_other_side_is_seen(system: Any) -> None:
