@@ -33,7 +33,7 @@ def test_overlaps_are_compared_with_the_size_of_the_domain(
     square = size * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     polygons = Polygons(square, np.array([0, 4]), np.arange(4), np.array([0]), ("solid",))
     one = np.ones(1)
-    contact = ContactReport(area * size**2, depth * size, None, 0, None, None, None)
+    contact = ContactReport(area * size**2, depth * size, 0.0, None, 0, None, None, None)
     monkeypatch.setattr(cautions, "snapshots", lambda _: [Snapshot(1.0, ())])
     monkeypatch.setattr(cautions, "read_fields", lambda *_: Fields(polygons, 0.0 * square, one, one, one))
     monkeypatch.setattr(cautions, "check_contact", lambda *_, **__: contact)
