@@ -188,23 +188,23 @@ def test_a_compiler_that_fails_is_quoted_and_leaves_nothing(cache, monkeypatch):
 
 
 # Time of the processor, the compiler's included: other programs may be using the machine.
-TIME_TO_KERNEL = """
-import os, numpy
-start = sum(os.times()[:4])
-import sys
+LOADED = """
+import numpy, subprocess, sys
 from codegen.kernel import compile_energy
 from tmc_vem.energy import DENSITIES
+started = []
+run = subprocess.run
+subprocess.run = lambda *words, **options: (started.append(words), run(*words, **options))[1]
 energy = DENSITIES["medium_angle_damped"]
 compile_energy(energy.density, energy.name, energy.parameters, energy.description)
-print(sum(os.times()[:4]) - start, "sympy" in sys.modules, "cffi" in sys.modules)
+print("sympy" in sys.modules, "cffi" in sys.modules, len(started))
 """
 
 
-def test_the_dearest_kernel_takes_4_s_the_first_time_and_50_ms_later(cache):
-    run = [sys.executable, "-c", TIME_TO_KERNEL]
-    first, *later = (
-        subprocess.run(run, capture_output=True, text=True, check=True).stdout.split() for _ in range(6)
-    )  # fmt: skip
-    assert float(first[0]) < 4.0
-    assert {tuple(words[1:]) for words in later} == {("False", "False")}
-    assert min(float(words[0]) for words in later) < 0.05
+def test_a_kernel_of_the_cache_is_found_without_sympy_and_compiler(cache):
+    """What makes it fast; how fast depends on what else the machine does."""
+    run = [sys.executable, "-c", LOADED]
+    first, later = (subprocess.run(run, capture_output=True, text=True, check=True).stdout.split() for _ in range(2))
+    assert first[:2] == ["True", "False"]
+    assert int(first[2]) > 0
+    assert later == ["False", "False", "0"]
