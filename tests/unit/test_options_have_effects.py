@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers_blocks import blocks
+from petsc4py import PETSc
 
 from tmc_vem import Box, Medium, RunOptions, RunResult, run
 from tmc_vem.cli import run as commands
@@ -364,6 +365,8 @@ def test_every_option_of_a_run_has_an_effect(name: str, usual: RunResult) -> Non
     value, others, shown = IN_MEMORY[name]
     if value == "fem":
         pytest.importorskip("dolfinx")
+    if value == "iterative" and not PETSc.Sys.hasExternalPackage("ml"):
+        pytest.skip("this PETSc is built without ML")
     assert not (name in usual.inputs and shown(usual)), "the test sees no difference"
     assert shown(run(BOX, None, RunOptions(**{"steps": 2, **others, name: value})))
 

@@ -30,7 +30,8 @@ def test_rows_and_values_are_those_of_the_matrix():
 
 
 def test_matrices_without_entries_or_without_rows():
-    starts, columns = compressed_rows(matrix_of(np.zeros((3, 3))))
+    empty = matrix_of(np.zeros((3, 3)))  # which the arrays are part of, so it must live on
+    starts, columns = compressed_rows(empty)
     assert starts.tolist() == [0, 0, 0, 0]
     assert len(columns) == 0
     dense = PETSc.Mat().createDense((2, 2), comm=PETSc.COMM_SELF)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import pyvista
-from helpers_process import tmc
+from helpers_process import process, tmc
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -239,12 +239,14 @@ Physical Curve("fixed") = {6}; Physical Curve("pulled") = {3};
 @pytest.mark.parametrize("kind", ["geo", "msh", "vtu", "inp", "mat", "nc"])
 def test_meshes_from_files(tmp_path: Path, kind: str) -> None:
     """Groups of gmsh and names in mesh files are regions, points and edges; the force does not depend on the format."""
-    from tmc_vem.mesh.io import write_mesh
-    from tmc_vem.mesh.triangles import mesh_geometry
-
     (tmp_path / "strip.geo").write_text(GEO)
-    if kind != "geo":
-        write_mesh(mesh_geometry(tmp_path / "strip.geo"), tmp_path / f"strip.{kind}")
+    if (
+        kind != "geo"
+    ):  # in its own process: gmsh's parser keeps the rest of a faulty text of another test
+        code = f"write_mesh(mesh_geometry('strip.geo'), 'strip.{kind}')"
+        imports = "from tmc_vem.mesh.io import write_mesh; from tmc_vem.mesh.triangles import mesh_geometry"
+        written = process(["-c", f"{imports}; {code}"], cwd=tmp_path)
+        assert written.returncode == 0, written.stderr
     path = tmp_path / "strip.toml"
     path.write_text(FROM_FILE.replace("strip.geo", f"strip.{kind}"))
     done = tmc("run", str(path), "--json")
