@@ -240,9 +240,7 @@ Physical Curve("fixed") = {6}; Physical Curve("pulled") = {3};
 def test_meshes_from_files(tmp_path: Path, kind: str) -> None:
     """Groups of gmsh and names in mesh files are regions, points and edges; the force does not depend on the format."""
     (tmp_path / "strip.geo").write_text(GEO)
-    if (
-        kind != "geo"
-    ):  # in its own process: gmsh's parser keeps the rest of a faulty text of another test
+    if kind != "geo":  # in its own process: gmsh's parser keeps the rest of a faulty text of another test
         code = f"write_mesh(mesh_geometry('strip.geo'), 'strip.{kind}')"
         imports = "from tmc_vem.mesh.io import write_mesh; from tmc_vem.mesh.triangles import mesh_geometry"
         written = process(["-c", f"{imports}; {code}"], cwd=tmp_path)
