@@ -181,10 +181,10 @@ class _Outline:
         wanted: list[Int] | None = None
         if parts is not None:
             first = np.cumsum([0, *(len(part.points_nx) for part, _ in parts)])
-            still = [_fields(part, np.zeros_like(part.points_nx)) for part, _ in parts]
-            self._polygons = Fields.merge(still).polygons
+            still = Fields.merge([_fields(part, np.zeros_like(part.points_nx)) for part, _ in parts])
+            self._polygons = still.polygons
             self._numbers_c = np.concatenate([numbers for _, numbers in parts])
-            self._rings, self._before, self._weights, nodes = self._join(Fields.merge(still))
+            self._rings, self._before, self._weights, nodes = self._join(still)
             used, inverse = np.unique(nodes, return_inverse=True)
             self._nodes = inverse.reshape(nodes.shape)
             self._points_nx = self._polygons.points_nx[used]
