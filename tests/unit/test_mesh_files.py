@@ -280,3 +280,6 @@ def test_a_geometry_of_gmsh_without_its_last_line_break(tmp_path: Path, capsys: 
     assert left.value.code == 2
     assert "cannot mesh" in said
     assert "a.geo" in said.rpartition(":")[0]
+    # gmsh's parser remembers it, but nobody else does
+    (tmp_path / "a.geo").write_text(f'{text} Physical Surface("body") = {{1}};')
+    assert read_mesh(tmp_path / "a.geo").region_names == ("body",)

@@ -145,10 +145,12 @@ def info(file: Path, order: int, region_data: str | None, cracks: str) -> None:
     from rich.table import Table
     from rich.text import Text
 
+    from tmc_vem.mesh.io import read_mesh
+
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
     table.add_column()
-    for name, value in describe(_read(file, region_data=region_data, cracks=cracks), order):
+    for name, value in describe(read_mesh(file, region_data=region_data, cracks=cracks), order):
         table.add_row(Text(name), Text(value))  # names may hold what rich takes for markup
     Console().print(table, highlight=False)
 
@@ -165,7 +167,7 @@ def info(file: Path, order: int, region_data: str | None, cracks: str) -> None:
 def check(file: Path, fix: Path | None, tolerance: float | None, region_data: str | None, cracks: str) -> int:
     """Name everything that is wrong with a mesh; exit code 1 if anything is (and --fix cannot repair it)."""
     from tmc_vem.mesh.check import find_faults, repair, summaries
-    from tmc_vem.mesh.io import write_mesh
+    from tmc_vem.mesh.io import read_mesh, write_mesh
 
     if tolerance is not None:
         from tmc_vem.validation import require_within
@@ -174,7 +176,7 @@ def check(file: Path, fix: Path | None, tolerance: float | None, region_data: st
             raise InputError(f"--tolerance {tolerance:g} is for --fix: give a file to write")
         require_within("--tolerance", tolerance, 0.0, 0.5, "a fraction of the sides; try 0.001")
     notes: list[str] = []
-    mesh = _read(file, validate=False, region_data=region_data, cracks=cracks, notes=notes)
+    mesh = read_mesh(file, validate=False, region_data=region_data, cracks=cracks, notes=notes)
     for note in notes:
         click.echo(f"note: {_printable(note)}")
     faults = find_faults(mesh, cracks=cracks == "keep")
@@ -191,14 +193,6 @@ def check(file: Path, fix: Path | None, tolerance: float | None, region_data: st
     return 1 if faults else 0
 
 
-def _read(file: Path, **reading: Any) -> Any:
-    """The mesh of a file, or of a gmsh geometry."""
-    from tmc_vem.mesh.io import read_mesh
-    from tmc_vem.mesh.triangles import mesh_geometry
-
-    return (mesh_geometry if file.suffix.lower() == ".geo" else read_mesh)(file, **reading)
-
-
 def _printable(line: str) -> str:
     return "".join(ch if ch.isprintable() else repr(ch)[1:-1] for ch in line)
 
@@ -210,11 +204,12 @@ def _printable(line: str) -> str:
 @_reading
 def plot(file: Path, out: Path, numbers: bool, region_data: str | None, cracks: str) -> None:
     """Draw a mesh, coloured by region, with named points and edges."""
+    from tmc_vem.mesh.io import read_mesh
     from tmc_vem.report.mesh_figure import draw_mesh
 
     if out.suffix.lower() not in (".png", ".pdf", ".svg"):
         raise InputError(f"--out {out}: use .png, .pdf or .svg")
-    draw_mesh(_read(file, region_data=region_data, cracks=cracks), out, numbers=numbers)
+    draw_mesh(read_mesh(file, region_data=region_data, cracks=cracks), out, numbers=numbers)
     click.echo(f"written to {out}")
 
 

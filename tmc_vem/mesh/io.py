@@ -23,8 +23,8 @@ from tmc_vem.notes import say
 # Formats that hold all of a mesh; those that are written without names; those that are only read.
 FORMATS = (".vtu", ".vtk", ".msh", ".inp", ".obj", ".mat", ".nc")
 WITHOUT_NAMES = (".off",)
-READ_ONLY = (".med", ".vtp")
-_ISOLATED = (".mat", ".nc", ".med")  # read by libraries in C
+READ_ONLY = (".med", ".vtp", ".geo")
+_ISOLATED = (".mat", ".nc", ".med", ".geo")  # read by libraries in C
 _READERS = {kind: kind[1:] for kind in (*FORMATS, *WITHOUT_NAMES, *READ_ONLY)} | {".nc": "ugrid", ".vtp": "vtu"}
 
 
@@ -105,10 +105,10 @@ def _record(path: Path, kind: str, reading: Reading, called: str) -> Record:
     module = f"tmc_vem.mesh.files.{_READERS[kind]}"
     try:
         if kind in _ISOLATED:
-            return isolated.read(module, path, reading)
+            return isolated.read(module, path, reading, None if kind == ".geo" else isolated.LONGEST)
         record: Record = import_module(module).read(path, reading)
     except InputError as error:
-        raise _of_file(called, kind, str(error)) from None
+        raise _of_file(called, "" if kind == ".geo" else kind, str(error)) from None
     except OSError as error:
         raise InputError(f"{called} cannot be read: {error.strerror or error}") from None
     except (ValueError, OverflowError, IndexError, KeyError, MemoryError, RecursionError) as error:

@@ -1,8 +1,7 @@
-"""Triangle meshes by gmsh: of regions given by their outlines, and of any gmsh model or file with physical groups."""
+"""Triangle meshes by gmsh: of regions given by their outlines, and of any gmsh model with physical groups."""
 
 from __future__ import annotations
 
-import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.errors import InputError
-from tmc_vem.mesh.budget import QUADRILATERALS, TRIANGLES, check_cells, check_size, most_cells
+from tmc_vem.mesh.budget import QUADRILATERALS, TRIANGLES, check_size
 from tmc_vem.mesh.far import meshed_near_origin
+from tmc_vem.mesh.files.geo import write_model
 from tmc_vem.mesh.io import read_mesh
 from tmc_vem.mesh.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton
 from tmc_vem.mesh.parts import with_names
@@ -23,7 +23,6 @@ from tmc_vem.notes import say
 Int = NDArray[np.int64]
 
 FRONTAL_DELAUNAY = 6
-SIZE_MIN = "Mesh.MeshSizeMin"
 
 
 @meshed_near_origin
@@ -81,95 +80,16 @@ def from_gmsh_model(**reading: Any) -> PolygonMesh:
     import gmsh
 
     called = reading.pop("called", "the mesh of gmsh")
-    everything = gmsh.option.getNumber("Mesh.SaveAll") > 0.0
-    ungrouped = [tag for _, tag in gmsh.model.getEntities(2) if not len(gmsh.model.getPhysicalGroupsForEntity(2, tag))]
-    if ungrouped and gmsh.model.getPhysicalGroups() and not everything:
-        listed = ", ".join(map(str, ungrouped[:3])) + (" ..." if len(ungrouped) > 3 else "")
-        say(f"{called}: gmsh leaves out surfaces in no physical group (Mesh.SaveAll = 1 keeps them): {listed}")
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / "model.msh"
-        # with all entities, version 2.2 loses the groups
-        gmsh.option.setNumber("Mesh.MshFileVersion", 4.1 if everything else 2.2)
-        gmsh.option.setNumber("Mesh.Binary", 1)
-        gmsh.write(str(path))
+        for note in write_model(gmsh, path):
+            say(f"{called}: {note}")
         return read_mesh(path, called=called, **reading)
 
 
 def mesh_geometry(path: str | Path, **reading: Any) -> PolygonMesh:
-    """Mesh of a gmsh geometry (.geo); sizes, kind of cells and physical groups are those that the file asks for.
-
-    Args:
-        path: the geometry.
-        reading: more arguments of :func:`tmc_vem.mesh.io.read_mesh`, such as ``names``.
-
-    Raises:
-        InputError: gmsh is missing, refuses the file, finds nothing plane to mesh in it, or would make too many cells.
-    """
-    try:
-        import gmsh
-    except ImportError as error:
-        raise InputError(f"{path} needs gmsh ({error}): apt-get install python3-gmsh") from None
-
-    started = _start(gmsh)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.logger.start()
-        _open(gmsh, Path(path))
-        _check_curves(gmsh)
-        gmsh.model.mesh.generate(2)
-        return from_gmsh_model(called=str(path), **reading)
-    except InputError as error:
-        message = str(error)
-        raise InputError(message if message.startswith(str(path)) else f"{path}: {message}") from None
-    except Exception as error:  # gmsh raises plain exceptions
-        said = [line.partition(":")[2].strip() for line in gmsh.logger.get() if line.startswith("Error")]
-        reason = said[:1] or str(error).strip().splitlines()[-1:] or [type(error).__name__]
-        shown = re.sub(rf"\S*{re.escape(Path(path).name)}", Path(path).name, reason[0])  # not that of a copy
-        raise InputError(f"gmsh cannot mesh {path}: {shown}") from None
-    finally:
-        gmsh.logger.stop()
-        gmsh.model.remove()
-        if started:
-            gmsh.finalize()
-
-
-def _open(gmsh: Any, path: Path) -> None:
-    """Open a geometry. gmsh wants a line break at its end and no byte order mark at its start."""
-    content = path.read_bytes()
-    plain = content.removeprefix(b"\xef\xbb\xbf")
-    if plain is content and plain.endswith(b"\n"):
-        gmsh.open(str(path))
-        return
-    with tempfile.TemporaryDirectory() as directory:
-        copy = Path(directory) / path.name
-        # what the file includes is looked for beside it
-        included = f'Include "{path.resolve().as_posix()}";\n\n'.encode()
-        copy.write_bytes(included if plain is content else plain + b"\n")
-        gmsh.open(str(copy))
-
-
-def _check_curves(gmsh: Any) -> None:
-    """Estimate the cells from the nodes along the curves of each surface, before gmsh fills it.
-
-    For this, no size is below the extent over the largest number of cells: a long curve of less has too many nodes.
-    """
-    low_x, low_y, _, high_x, high_y, _ = gmsh.model.getBoundingBox(-1, -1)
-    smallest = gmsh.option.getNumber(SIZE_MIN)
-    gmsh.option.setNumber(SIZE_MIN, max(smallest, max(high_x - low_x, high_y - low_y) / most_cells()))
-    gmsh.model.mesh.generate(1)
-    gmsh.option.setNumber(SIZE_MIN, smallest)
-    n_cells = 0.0
-    for dimension, surface in gmsh.model.getEntities(2):
-        edges = []
-        for _, curve in gmsh.model.getBoundary([(dimension, surface)], oriented=False):
-            _, coordinates, _ = gmsh.model.mesh.getNodes(1, curve, includeBoundary=True, returnParametricCoord=False)
-            edges.append(max(len(coordinates) // 3 - 1, 1))
-        low_x, low_y, _, high_x, high_y, _ = gmsh.model.getBoundingBox(dimension, surface)
-        lengths = [high_x - low_x, high_y - low_y]
-        h = 2.0 * sum(lengths) / max(sum(edges), 1)  # the outline is as long as the box around it, at least
-        n_cells += max(TRIANGLES * lengths[0] * lengths[1] / h**2 if h > 0.0 else 0.0, 0.5 * sum(edges))
-    check_cells(n_cells, "going by the nodes that it asks for along its curves; use larger sizes in it")
-    gmsh.model.mesh.clear()
+    """Mesh of a gmsh geometry (.geo): :func:`tmc_vem.mesh.io.read_mesh` of it."""
+    return read_mesh(path, **reading)
 
 
 def _start(gmsh: Any) -> bool:

@@ -228,11 +228,9 @@ class OwnProblem:
 
     def _from_file(self) -> PolygonMesh:
         from tmc_vem.mesh.io import read_mesh
-        from tmc_vem.mesh.triangles import mesh_geometry
 
         path, table = self._mesh_file, self.table.mesh
-        read = mesh_geometry if path.suffix.lower() == ".geo" else read_mesh
-        mesh = read(path, names=table.names, region_data=table.region_data, cracks=table.cracks)
+        mesh = read_mesh(path, names=table.names, region_data=table.region_data, cracks=table.cracks)
         return self._by_number(mesh)
 
     @staticmethod

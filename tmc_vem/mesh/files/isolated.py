@@ -1,4 +1,4 @@
-"""Readers on C libraries, in a process of their own: a damaged file may end scipy or HDF5, but not the program."""
+"""Readers on C libraries, in a process of their own: a bad file may end scipy, HDF5 or gmsh, but not the program."""
 
 from __future__ import annotations
 
@@ -15,19 +15,25 @@ from tmc_vem.mesh.files.record import Reading, Record
 LONGEST = 600.0  # seconds that reading may take
 
 
-def read(module: str, path: Path, reading: Reading) -> Record:
+def read(module: str, path: Path, reading: Reading, longest: float | None = LONGEST) -> Record:
     """What ``module.read(path, reading)`` gives.
+
+    Args:
+        module: its name.
+        path: the file.
+        reading: how to read it.
+        longest: seconds that it may take.
 
     Raises:
         InputError: the reader refuses the file, crashes, or does not end.
     """
     command = [sys.executable, "-m", __name__, module, str(path)]
     try:
-        done = subprocess.run(command, input=pickle.dumps(reading), capture_output=True, timeout=LONGEST, check=False)
+        done = subprocess.run(command, input=pickle.dumps(reading), capture_output=True, timeout=longest, check=False)
     except subprocess.TimeoutExpired:
-        raise InputError(f"reading it takes more than {LONGEST:g} s: it is damaged") from None
+        raise InputError(f"reading it takes more than {longest:g} s: it is damaged") from None
     if done.returncode < 0:
-        raise InputError(f"it is damaged: the library that reads it ended with signal {-done.returncode}")
+        raise InputError(f"the library that reads it ended with signal {-done.returncode}")
     try:
         answer: Any = pickle.loads(done.stdout)
     except (pickle.UnpicklingError, EOFError):
