@@ -16,7 +16,7 @@ from meshes import DOFS_PER_CELL, ENERGIES, VALUES, bend, region, square
 from mpi4py import MPI
 
 from tmc_vem.energy import DENSITIES
-from tmc_vem.mesh.distribute import distribute
+from tmc_vem.mesh.spread.distribute import distribute
 from tmc_vem.problems.base import RegionEnergy
 from tmc_vem.vem.system import VemSystem
 
@@ -35,8 +35,8 @@ def vem(kind: str, name: str, n_dofs: float) -> tuple[VemSystem, Work]:
 def fem(name: str, n_dofs: float, triangles: bool) -> tuple[Any, Work]:
     """dolfinx's own assembly of the compiled forms, without the energies and checks of this project."""
     from tmc_vem.fem import compat
-    from tmc_vem.fem.settings import FemSettings
     from tmc_vem.fem.system import FemSystem
+    from tmc_vem.system.fem_settings import FemSettings
 
     energy = DENSITIES[ENERGIES[name]]
     values = {key: VALUES[key] for key in energy.parameters}

@@ -18,10 +18,10 @@ from petsc4py import PETSc
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from tmc_vem.constraints import Prescribed
-from tmc_vem.mesh.distribute import distribute
 from tmc_vem.mesh.parts import with_names
+from tmc_vem.mesh.spread.distribute import distribute
 from tmc_vem.solve.linear import LinearSolver
+from tmc_vem.system.constraints import Prescribed
 from tmc_vem.vem.system import VemSystem
 
 

@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from tmc_vem.errors import TmcError
-from tmc_vem.fem.settings import FemSettings
 from tmc_vem.fem.system import FemSystem
 from tmc_vem.problems import Box, Medium
 from tmc_vem.report.richardson import extrapolate
-from tmc_vem.simulation import compile_region
+from tmc_vem.simulation.simulation import compile_region
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
+from tmc_vem.support.errors import TmcError
+from tmc_vem.system.fem_settings import FemSettings
 
 PAPER_FEM = {
     (10.0, 1e-4): "8.269e-3", (10.0, 1e-5): "2.033e-3", (10.0, 1e-6): "suspect",
@@ -83,7 +83,7 @@ def fem(cells: tuple[int, int], medium: Medium, **settings: Any) -> Outcome:
 
 def vem(cells: tuple[int, int], medium: Medium) -> Outcome:
     """Box with virtual elements."""
-    from tmc_vem.mesh.distribute import distribute
+    from tmc_vem.mesh.spread.distribute import distribute
     from tmc_vem.vem.system import RegionKernel, VemSystem
 
     problem = Box(cells=cells, medium=medium)

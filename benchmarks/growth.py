@@ -44,7 +44,7 @@ def measure(kind: str, n_dofs: float, factor: bool) -> dict[str, float]:
     from meshes import bend, region, square
     from mpi4py import MPI
 
-    from tmc_vem.mesh.distribute import distribute
+    from tmc_vem.mesh.spread.distribute import distribute
     from tmc_vem.solve.linear import LinearSolver
     from tmc_vem.vem.system import VemSystem
 

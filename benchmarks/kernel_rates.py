@@ -27,7 +27,7 @@ from codegen.compiler import generate
 from codegen.ir import KernelSource
 from codegen.trace import trace
 from tmc_vem.energy import DENSITIES
-from tmc_vem.mesh.distribute import distribute
+from tmc_vem.mesh.spread.distribute import distribute
 from tmc_vem.vem.system import VemSystem
 
 LANES = 8

@@ -23,9 +23,9 @@ from pathlib import Path
 
 import meshio
 
-from tmc_vem.checkpoint import BEFORE, CHECKPOINT, Checkpoint
-from tmc_vem.files import TEMPORARY
-from tmc_vem.results import COLLECTION, COMMAND, HISTORY, RunResult, StepRecord
+from tmc_vem.results.records import COLLECTION, COMMAND, HISTORY, RunResult, StepRecord
+from tmc_vem.simulation.checkpoint import BEFORE, CHECKPOINT, Checkpoint
+from tmc_vem.support.files import TEMPORARY
 
 TMC = [sys.executable, "-c", "from tmc_vem.cli.main import main; main()"]
 RUN = ["run", "box", "--cells", "20", "5", "--gamma", "1e-6", "--alpha-r", "0.1", "--snapshots", "20", "--quiet"]

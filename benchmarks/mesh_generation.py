@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from tmc_vem.mesh.check import find_faults
-from tmc_vem.mesh.io import read_mesh, write_mesh
-from tmc_vem.mesh.outline import Region
-from tmc_vem.mesh.voronoi import voronoi_mesh
+from tmc_vem.mesh.files.io import read_mesh, write_mesh
+from tmc_vem.mesh.make.outline import Region
+from tmc_vem.mesh.make.voronoi import voronoi_mesh
 
 LOWER = Region("lower", [(0.0, 0.0), (1.0, 0.0), (1.0, 0.5), (0.0, 0.5)])
 UPPER = Region("upper", [(0.0, 0.5), (1.0, 0.5), (1.0, 1.0), (0.0, 1.0)])

@@ -8,9 +8,9 @@ import numpy as np
 
 from codegen.kernel import compile_energy
 from tmc_vem.energy import DENSITIES
+from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
+from tmc_vem.mesh.make.voronoi import voronoi_mesh
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
-from tmc_vem.mesh.voronoi import voronoi_mesh
 from tmc_vem.vem.blocks import RegionKernel
 
 ENERGIES = {"huhu_lulu": "medium_huhu_lulu_damped", "angle": "medium_angle_damped", "solid": "solid"}
@@ -24,7 +24,7 @@ def square(kind: str, n_dofs: float) -> PolygonMesh:
     if kind == "quadrilaterals":
         lines = np.linspace(0.0, 1.0, round(np.sqrt(n_cells)) + 1)
         return structured_quadrilaterals(lines, lines, [Rectangle("body", 0.0, 1.0, 0.0, 1.0)])
-    from tmc_vem.mesh.outline import Region
+    from tmc_vem.mesh.make.outline import Region
 
     corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
     return voronoi_mesh([Region("body", corners)], 1.03 / np.sqrt(n_cells))

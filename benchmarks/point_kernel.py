@@ -23,7 +23,7 @@ from rich.table import Table
 
 from codegen.build import FLAGS, compiler
 from codegen.compiler import generate
-from codegen.states import REGIMES, sample
+from codegen.sampling import REGIMES, sample
 from codegen.trace import trace
 from tmc_vem.energy import DENSITIES
 

@@ -25,20 +25,20 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "unit"
 from helpers_mesh import SHAPES, regular, subdivide, voronoi, with_boundary
 from helpers_system import CLAMPED, errors, interpolate, make_system, region
 
-from tmc_vem.constraints import Prescribed
-from tmc_vem.errors import TmcError
 from tmc_vem.mesh import PolygonMesh
-from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
-from tmc_vem.mesh.weld import weld
+from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
+from tmc_vem.mesh.make.weld import weld
 from tmc_vem.solve.newton import NewtonSolver
-from tmc_vem.vem.element import PROJECTIONS, ElementGroup, ElementSettings, build_elements
-from tmc_vem.vem.quadrature import gauss, sub_triangles
-from tmc_vem.vem.rules import on_sub_triangles
-from tmc_vem.vem.space_composite import CompositeSpace
-from tmc_vem.vem.space_macro import MacroSpace
-from tmc_vem.vem.spaces import FullSpace, Shapes
-from tmc_vem.vem.stability import elastic_tangent
-from tmc_vem.vem.tables import points_and_values, tabulate
+from tmc_vem.support.errors import TmcError
+from tmc_vem.system.constraints import Prescribed
+from tmc_vem.vem.spaces.composite import CompositeSpace
+from tmc_vem.vem.spaces.element import PROJECTIONS, ElementGroup, ElementSettings, build_elements
+from tmc_vem.vem.spaces.macro import MacroSpace
+from tmc_vem.vem.spaces.quadrature import gauss, sub_triangles
+from tmc_vem.vem.spaces.rules import on_sub_triangles
+from tmc_vem.vem.spaces.spaces import FullSpace, Shapes
+from tmc_vem.vem.spaces.stability import elastic_tangent
+from tmc_vem.vem.spaces.tabulated import points_and_values, tabulate
 
 Float = NDArray[np.float64]
 

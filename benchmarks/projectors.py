@@ -12,12 +12,12 @@ from harness import interleaved, report
 from meshes import square
 from numpy.typing import NDArray
 
-from tmc_vem.vem.element import CHUNK, ElementSettings
-from tmc_vem.vem.quadrature import sub_triangles
-from tmc_vem.vem.space_composite import CompositeSpace
-from tmc_vem.vem.spaces import FullSpace, Shapes
-from tmc_vem.vem.stability import StabilityTest
-from tmc_vem.vem.tables import tabulate
+from tmc_vem.vem.spaces.composite import CompositeSpace
+from tmc_vem.vem.spaces.element import CHUNK, ElementSettings
+from tmc_vem.vem.spaces.quadrature import sub_triangles
+from tmc_vem.vem.spaces.spaces import FullSpace, Shapes
+from tmc_vem.vem.spaces.stability import StabilityTest
+from tmc_vem.vem.spaces.tabulated import tabulate
 
 
 def measure(polygons: NDArray[np.float64]) -> dict[str, float]:

@@ -36,9 +36,9 @@ def measure(nx: int, ny: int, solver: str, gamma: float, uy: float, repeat: int)
     """Runs on every rank under mpirun; rank 0 prints a row as JSON."""
     from mpi4py import MPI
 
-    from tmc_vem.balance import balance
     from tmc_vem.problems import Box, Medium
-    from tmc_vem.simulation import RunOptions, discretise
+    from tmc_vem.simulation.balance import balance
+    from tmc_vem.simulation.simulation import RunOptions, discretise
     from tmc_vem.solve.linear import LinearSolver
     from tmc_vem.solve.newton import NewtonSolver
     from tmc_vem.solve.stepping import LoadStepper

@@ -18,7 +18,7 @@ from codegen.declare import Declaration
 from codegen.kernel import ENERGY, GRADIENT, TANGENT, Kernel
 from codegen.ordering import N_X, X_NAMES
 from codegen.reference import fault_at_reference
-from codegen.states import REGIMES, SAFETY_ANGLE, Regime, directions, from_vector, rotate, sample
+from codegen.sampling import REGIMES, SAFETY_ANGLE, Regime, directions, from_vector, rotate, sample
 from codegen.trace import trace
 
 Array = NDArray[np.float64]

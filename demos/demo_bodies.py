@@ -27,10 +27,10 @@ from rich.table import Table
 
 from tmc_vem import RunOptions, run
 from tmc_vem.cli.progress import ConsoleMonitor
-from tmc_vem.fields import Fields
 from tmc_vem.problems import Bodies
 from tmc_vem.report.animation import animate, draw_states, states_of
-from tmc_vem.report.contact import check_contact
+from tmc_vem.results.contact.contact import check_contact
+from tmc_vem.system.fields import Fields
 
 # %%
 # One potential holds beam, half discs and medium, $\Pi = \int \psi_s + \int \gamma (\psi_m + \alpha_r \psi_r)$, and no

@@ -26,7 +26,7 @@ from tmc_vem import Medium, RunOptions, RunResult, run
 from tmc_vem.cli.progress import ConsoleMonitor
 from tmc_vem.problems import CBox
 from tmc_vem.report.animation import animate, draw_states, states_of
-from tmc_vem.report.contact import check_contact
+from tmc_vem.results.contact.contact import check_contact
 
 # %%
 # Regulariser (15) penalises gradients of the rotation angle and of the volume,

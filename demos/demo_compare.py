@@ -17,7 +17,7 @@ from pathlib import Path
 
 from tmc_vem import Medium, RunOptions
 from tmc_vem.cli.batch_progress import BatchMonitor
-from tmc_vem.compare import METHODS, box_study, compare
+from tmc_vem.study.compare import METHODS, box_study, compare
 
 # %%
 # Both methods minimise the same potential. The gap $g_h$ on three meshes is extrapolated, $g_h = g + c\, h^p$, and the

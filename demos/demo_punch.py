@@ -24,10 +24,10 @@ from rich.table import Table
 
 from tmc_vem import RunOptions, run
 from tmc_vem.cli.progress import ConsoleMonitor
-from tmc_vem.fields import Fields
 from tmc_vem.problems import Punch
 from tmc_vem.report.animation import animate, draw_states, states_of
-from tmc_vem.report.contact import check_contact
+from tmc_vem.results.contact.contact import check_contact
+from tmc_vem.system.fields import Fields
 
 # %%
 # Contact pressure is carried by the squeezed medium: squeezed in one direction, its energy grows like

@@ -7,8 +7,8 @@ from collections import Counter
 import numpy as np
 import shapely
 
-from tmc_vem.fields import Fields
-from tmc_vem.report.contact import CLOSED, NEAR, ROUNDING, ContactReport
+from tmc_vem.results.contact.contact import CLOSED, NEAR, ROUNDING, ContactReport
+from tmc_vem.system.fields import Fields
 
 
 def slow_check(fields: Fields, order: int = 2, pieces: int = 8) -> ContactReport:

@@ -12,17 +12,17 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from codegen.kernel import Kernel, compile_energy
-from tmc_vem.constraints import Prescribed
 from tmc_vem.energy.registry import DENSITIES
 from tmc_vem.mesh import PolygonMesh
-from tmc_vem.mesh.distribute import distribute
 from tmc_vem.mesh.geometry import areas, centroids, diameters
+from tmc_vem.mesh.spread.distribute import distribute
 from tmc_vem.problems import Problem
+from tmc_vem.system.constraints import Prescribed
 from tmc_vem.vem.blocks import RegionKernel
-from tmc_vem.vem.element import ElementSettings
-from tmc_vem.vem.quadrature import on_triangles, sub_triangles
+from tmc_vem.vem.spaces.element import ElementSettings
+from tmc_vem.vem.spaces.quadrature import on_triangles, sub_triangles
+from tmc_vem.vem.spaces.tabulated import points_and_values
 from tmc_vem.vem.system import VemSystem
-from tmc_vem.vem.tables import points_and_values
 
 Float = NDArray[np.float64]
 Field = Callable[[Float], Float]

@@ -48,8 +48,8 @@ def test_every_option_of_the_table_is_one_of_problem_files() -> None:
     """The right column of the how-to page on solver options; each changes what is run."""
     import tomllib
 
-    from tmc_vem.simulation import RunOptions
-    from tmc_vem.validation import build
+    from tmc_vem.simulation.simulation import RunOptions
+    from tmc_vem.support.validation import build
 
     page = (ROOT / "docs/howto/solver-options.md").read_text()
     entries = re.findall(r"^\|.*\| `([^`]*)` \|$", page, re.MULTILINE)
@@ -62,9 +62,9 @@ def test_examples_of_problem_files_are_read(tmp_path: Path) -> None:
     """The [solve] and [probes] tables of the schema page."""
     import tomllib
 
-    from tmc_vem.problems.tables import ProbeTable
-    from tmc_vem.simulation import RunOptions
-    from tmc_vem.validation import build
+    from tmc_vem.problems.description import ProbeTable
+    from tmc_vem.simulation.simulation import RunOptions
+    from tmc_vem.support.validation import build
 
     page = (ROOT / "docs/guide/problem-files.md").read_text()
     blocks = re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tmc_vem.problems import Box, Material, Medium
-    from tmc_vem.results import RunResult
-    from tmc_vem.simulation import RunOptions, run
+    from tmc_vem.results.records import RunResult
+    from tmc_vem.simulation.simulation import RunOptions, run
 
 __version__ = "0.1.0"
 
@@ -19,9 +19,9 @@ _LAZY = {
     "Box": "tmc_vem.problems",
     "Material": "tmc_vem.problems",
     "Medium": "tmc_vem.problems",
-    "RunOptions": "tmc_vem.simulation",
-    "RunResult": "tmc_vem.results",
-    "run": "tmc_vem.simulation",
+    "RunOptions": "tmc_vem.simulation.simulation",
+    "RunResult": "tmc_vem.results.records",
+    "run": "tmc_vem.simulation.simulation",
 }
 
 __all__ = ["Box", "Material", "Medium", "RunOptions", "RunResult", "__version__", "run"]

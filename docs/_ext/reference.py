@@ -8,21 +8,19 @@ from typing import Any
 from gallery import write_if_changed
 
 ROOT = Path(__file__).parents[2]
-# page: (title, packages and modules in it, of tmc_vem or beside it); modules that are not named stand on the first page
+# page: (title, packages with all their modules)
 PAGES = {
-    "run": ("Problems and runs", ("simulation", "problem_file", "problems")),
-    "results": (
-        "Results and fields",
-        ("results", "export", "sample", "fields", "vtu", "output", "checkpoint", "report"),
-    ),
-    "energy": ("Energies", ("energy",)),
+    "run": ("Problems and runs", ("tmc_vem.simulation", "tmc_vem.problems", "tmc_vem.study")),
+    "results": ("Results and fields", ("tmc_vem.results", "tmc_vem.report")),
+    "energy": ("Energies", ("tmc_vem.energy",)),
     "codegen": ("Code generator", ("codegen",)),
-    "mesh": ("Meshes", ("mesh",)),
-    "vem": ("Virtual elements", ("vem",)),
-    "fem": ("Finite elements", ("fem",)),
-    "solve": ("Nonlinear solver", ("solve",)),
+    "mesh": ("Meshes", ("tmc_vem.mesh",)),
+    "system": ("What discretisations share", ("tmc_vem.system", "tmc_vem.support")),
+    "vem": ("Virtual elements", ("tmc_vem.vem",)),
+    "fem": ("Finite elements", ("tmc_vem.fem",)),
+    "solve": ("Nonlinear solver", ("tmc_vem.solve",)),
 }
-WORKERS = ("batch_worker",)  # run by other modules only
+WORKERS = ("tmc_vem.study.batch_worker",)  # run by other modules only
 
 
 def setup(app: Any) -> dict[str, bool]:
@@ -34,10 +32,8 @@ def setup(app: Any) -> dict[str, bool]:
 def _write_pages(app: Any) -> None:
     folder = Path(app.srcdir) / "api"
     folder.mkdir(exist_ok=True)
-    named = {root for _, roots in PAGES.values() for root in roots}
-    others = sorted({file.stem for file in (ROOT / "tmc_vem").glob("[!_]*.py")} - named - {*WORKERS})
-    for name, (title, roots) in PAGES.items():
-        modules = [module for root in (*roots, *(others if name == "run" else ())) for module in modules_of(root)]
+    for name, (title, packages) in PAGES.items():
+        modules = [module for package in packages for module in modules_of(package)]
         blocks = [f"## {module}\n\n```{{eval-rst}}\n.. automodule:: {module}\n```\n" for module in modules]
         write_if_changed(folder / f"{name}.md", f"# {title}\n\n" + "\n".join(blocks))
     entries = "\n".join(PAGES)
@@ -49,11 +45,8 @@ def _write_pages(app: Any) -> None:
     )
 
 
-def modules_of(root: str) -> list[str]:
-    """A module, or all public modules of a package."""
-    root = root if root == "codegen" else f"tmc_vem.{root}"
-    path = ROOT / root.replace(".", "/")
-    if not path.is_dir():
-        return [root] if path.with_suffix(".py").exists() else []
-    files = sorted(file for file in path.glob("*.py") if not file.stem.startswith("_"))
-    return [f"{root}.{file.stem}" for file in files]
+def modules_of(package: str) -> list[str]:
+    """All public modules of a package and of the packages in it."""
+    files = sorted((ROOT / package.replace(".", "/")).rglob("*.py"))
+    names = [file.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".") for file in files]
+    return [name for name in names if not name.rpartition(".")[2].startswith("_") and name not in WORKERS]

@@ -13,15 +13,15 @@ pytest.importorskip("dolfinx", reason="dolfinx is not installed")
 
 from mpi4py import MPI
 
-from tmc_vem.constraints import Prescribed
 from tmc_vem.energy import Regulariser
 from tmc_vem.fem import compat
-from tmc_vem.fem.settings import FemSettings
 from tmc_vem.fem.system import FemSystem
 from tmc_vem.mesh import PolygonMesh
-from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
+from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.problems import Material, Medium, Problem
 from tmc_vem.problems.base import RegionEnergy, medium_region, solid_region
+from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.fem_settings import FemSettings
 
 Float = NDArray[np.float64]
 Field = Callable[[Float], Float]

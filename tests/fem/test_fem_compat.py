@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from helpers_fem import grid, make_system, medium
 
-from tmc_vem.errors import InputError
 from tmc_vem.fem import compat
+from tmc_vem.support.errors import InputError
 
 
 @pytest.fixture

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from helpers_fem import SOLID, grid, layered, make_system, problem_system
 
-from tmc_vem.constraints import Prescribed
-from tmc_vem.errors import InputError
-from tmc_vem.fem.settings import FemSettings
-from tmc_vem.fem.triangles import split_quadrilaterals
-from tmc_vem.fem.unstructured import gmsh_triangles
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.mesh.geometry import areas
+from tmc_vem.mesh.make.remesh import gmsh_triangles
+from tmc_vem.mesh.make.split import split_quadrilaterals
 from tmc_vem.problems import Box
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.fem_settings import FemSettings
 
 
 def region_areas(mesh: PolygonMesh) -> list[float]:

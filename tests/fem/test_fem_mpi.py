@@ -17,7 +17,7 @@ import numpy as np
 from mpi4py import MPI
 from helpers_fem import CLAMPED, SOLID, grid, make_system, problem_system, wavy
 from tmc_vem.mesh import PolygonMesh
-from tmc_vem.output import gather_fields
+from tmc_vem.results.output import gather_fields
 from tmc_vem.problems import Box, Medium
 from tmc_vem.solve.newton import NewtonSolver
 

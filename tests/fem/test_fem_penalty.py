@@ -23,9 +23,9 @@ from helpers_fem import (
 
 from tmc_vem.energy import Energy
 from tmc_vem.energy import kinematics as kin
-from tmc_vem.errors import InputError
 from tmc_vem.problems.base import RegionEnergy
 from tmc_vem.solve.linear import LinearSolver
+from tmc_vem.support.errors import InputError
 
 
 def facet_energy(system: Any, u: Any, region: str) -> float:

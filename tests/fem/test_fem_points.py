@@ -7,7 +7,7 @@ import pytest
 from helpers_fem import SOLID, Float, grid, make_system, medium, random_vector, wavy
 
 from tmc_vem.fem.points import jacobian, largest_step
-from tmc_vem.places import Places
+from tmc_vem.system.places import Places
 
 
 def quadratic(x: Float) -> Float:
@@ -96,7 +96,7 @@ def test_inadmissible_states_name_the_cell() -> None:
 @pytest.mark.parametrize(("order", "triangles"), [(2, False), (3, False), (2, True), (3, True)])
 def test_polynomials_are_exact_at_any_point(order: int, triangles: bool) -> None:
     """Distorted quadrilaterals, whose maps are not affine, and triangles; vertices, sides, and points inside."""
-    from tmc_vem.places import Places
+    from tmc_vem.system.places import Places
 
     mesh = grid(5, 4, distort=0.2)
     system = make_system(mesh, SOLID, order=order, triangles=triangles)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from helpers_fem import CLAMPED, SOLID, grid, layered, make_system, medium, problem_system, random_vector, wavy
 
-from tmc_vem.constraints import Prescribed
 from tmc_vem.problems import Box
+from tmc_vem.system.constraints import Prescribed
 
 
 def test_tangent_has_identity_rows_where_constrained() -> None:

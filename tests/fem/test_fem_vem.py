@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from helpers_fem import SOLID, Float, grid, make_system, rates
 
-from tmc_vem.constraints import Prescribed
-from tmc_vem.fem.triangles import split_quadrilaterals
 from tmc_vem.mesh import PolygonMesh
+from tmc_vem.mesh.make.split import split_quadrilaterals
 from tmc_vem.solve.newton import NewtonSolver
+from tmc_vem.system.constraints import Prescribed
 
 SUPPORTS = (Prescribed("left", 0), Prescribed("left", 1), Prescribed("tip", 1, -0.4))
 POINTS = {"a": (1.0, 0.5), "b": (2.0, 1.0), "c": (1.0, 1.0)}

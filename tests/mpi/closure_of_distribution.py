@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from helpers_mesh import hanging, non_convex, voronoi
 
 from tmc_vem.mesh import PolygonMesh
-from tmc_vem.mesh.distribute import distribute
+from tmc_vem.mesh.spread.distribute import distribute
 from tmc_vem.problems import Box
 
 comm = MPI.COMM_WORLD

@@ -14,8 +14,8 @@ from mpi4py import MPI
 
 from tmc_vem import Box, Medium, RunOptions, run
 from tmc_vem.mesh import PolygonMesh
-from tmc_vem.mesh.distribute import distribute
-from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
+from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
+from tmc_vem.mesh.spread.distribute import distribute
 from tmc_vem.solve.stepping import LoadStepper
 
 sizes: list[int] = []

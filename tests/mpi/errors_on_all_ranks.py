@@ -14,9 +14,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from helpers_mesh import grid, subdivide
 from helpers_system import make_system, region
 
-from tmc_vem.constraints import Prescribed
 from tmc_vem.mesh import PolygonMesh
-from tmc_vem.vem.element import ElementSettings
+from tmc_vem.system.constraints import Prescribed
+from tmc_vem.vem.spaces.element import ElementSettings
 
 comm = MPI.COMM_WORLD
 SOLID = region("solid", K=20.0, mu=10.0)

@@ -19,10 +19,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from helpers_system import problem_system
 
-from tmc_vem.errors import TmcError
 from tmc_vem.problems import Box, Medium
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
+from tmc_vem.support.errors import TmcError
 
 comm = MPI.COMM_WORLD
 # calls of the kernel that fail

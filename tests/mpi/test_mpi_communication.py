@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from helpers_process import process
 
-from tmc_vem.fields import Fields
-from tmc_vem.report.snapshots import read_fields, snapshots
-from tmc_vem.results import RunResult
+from tmc_vem.results.records import RunResult
+from tmc_vem.results.snapshots import read_fields, snapshots
+from tmc_vem.system.fields import Fields
 
 RANKS = 3
 

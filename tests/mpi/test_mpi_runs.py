@@ -125,7 +125,7 @@ import sys
 from mpi4py import MPI
 from tmc_vem import parallel
 from tmc_vem.cli import main
-from tmc_vem.errors import InputError
+from tmc_vem.support.errors import InputError
 
 parallel.PATIENCE = 1.0
 def fail(*_, **__):

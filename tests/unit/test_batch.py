@@ -14,11 +14,11 @@ from typing import Any
 import pytest
 from helpers_process import clean_environment
 
-from tmc_vem.batch import LOCK, Job, Observer, Outcome, run_batch
-from tmc_vem.errors import InputError
-from tmc_vem.lock import DirectoryLock
 from tmc_vem.problems import Box, Medium
-from tmc_vem.simulation import RunOptions
+from tmc_vem.results.lock import DirectoryLock
+from tmc_vem.simulation.simulation import RunOptions
+from tmc_vem.study.batch import LOCK, Job, Observer, Outcome, run_batch
+from tmc_vem.support.errors import InputError
 
 FAST = RunOptions(snapshots=0)
 
@@ -103,7 +103,7 @@ def test_a_process_that_dies_before_it_begins_is_started_once_more(
         return genuine(dies if len(commands) <= deaths else command, **options)
 
     genuine = subprocess.Popen
-    monkeypatch.setattr("tmc_vem.batch.subprocess.Popen", start)
+    monkeypatch.setattr("tmc_vem.study.batch.subprocess.Popen", start)
     (outcome,) = run_batch([job()], tmp_path)
     assert len(commands) == 2
     assert outcome.error == ("" if deaths == 1 else "no session directory")
@@ -142,9 +142,9 @@ def test_bad_input(tmp_path: Path) -> None:
 BATCH = """
 import sys
 from pathlib import Path
-from tmc_vem.batch import Job, run_batch
+from tmc_vem.study.batch import Job, run_batch
 from tmc_vem.problems import Box
-from tmc_vem.simulation import RunOptions
+from tmc_vem.simulation.simulation import RunOptions
 jobs = [Job("box", Box(cells=(20, 5), uy=-0.02 - 0.001 * n), RunOptions(snapshots=0)) for n in range(3)]
 run_batch(jobs, Path(sys.argv[1]), processes=1)
 """
@@ -183,6 +183,6 @@ def _orphans() -> list[int]:
             parent = int((process / "stat").read_text().rsplit(")", 1)[1].split()[1])
         except OSError:
             continue
-        if b"tmc_vem.batch_worker" in command and parent == 1:
+        if b"tmc_vem.study.batch_worker" in command and parent == 1:
             found.append(int(process.name))
     return found

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from helpers_process import clean_environment, tmc
 
-from tmc_vem.checkpoint import BEFORE, CHECKPOINT, PARTS, Checkpoint
-from tmc_vem.errors import InputError, TmcError
+from tmc_vem.simulation.checkpoint import BEFORE, CHECKPOINT, PARTS, Checkpoint
+from tmc_vem.support.errors import InputError, TmcError
 
 COMMAND = [sys.executable, "-c", "from tmc_vem.cli.main import main; main()"]
 BOX = ["run", "box", "--cells", "20", "5", "--uy", "-0.4", "--steps", "16", "--snapshots", "4", "--quiet"]

@@ -14,7 +14,7 @@ import pytest
 from codegen.build import compiler
 from codegen.ctext import point_arithmetic_source
 from codegen.kernel import TANGENT, compile_energy
-from codegen.states import Regime, sample
+from codegen.sampling import Regime, sample
 from tmc_vem.energy import DENSITIES
 
 PARAMETERS = {"K": 20.0, "mu": 10.0, "gamma": 1e-3, "alpha_r": 0.7, "beta": 5.0}

@@ -10,7 +10,7 @@ import pytest
 from codegen import oracle
 from codegen.errors import CodegenError
 from codegen.kernel import ENERGY, GRADIENT, TANGENT, Kernel, compile_energy
-from codegen.states import REGIMES, directions, from_vector, sample
+from codegen.sampling import REGIMES, directions, from_vector, sample
 from codegen.tensors import stress_and_moduli
 from tmc_vem.energy import DENSITIES
 

@@ -19,7 +19,7 @@ from codegen.reference import fault_at_reference
 from codegen.trace import trace
 from codegen.verify import verify
 from tmc_vem import Box, Medium, RunOptions, run
-from tmc_vem.errors import InputError
+from tmc_vem.support.errors import InputError
 
 ROOT_OF_ZERO = "a square root is zero at F = I, its derivative is infinite: write m.sqrt(x + eps)"
 ALL = [(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)]

@@ -7,7 +7,7 @@ import pytest
 
 from codegen.declare import Declaration
 from codegen.kernel import compile_energy
-from codegen.states import REGIMES, directions, from_vector, rotate, sample, to_vector
+from codegen.sampling import REGIMES, directions, from_vector, rotate, sample, to_vector
 from codegen.verify import verify
 from tmc_vem.energy import DENSITIES
 

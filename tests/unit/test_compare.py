@@ -14,22 +14,22 @@ from pathlib import Path
 import pytest
 from helpers_process import clean_environment
 
-from tmc_vem.compare import METHODS, cbox_study, compare, converged, voronoi_study
-from tmc_vem.errors import InputError
-from tmc_vem.paper import table2 as paper_table2
-from tmc_vem.paper import table3 as paper_table3
-from tmc_vem.paper.point_loads import creep, sinking
-from tmc_vem.paper.values import table2, table3
-from tmc_vem.probes import Displacement, Gap, Reaction
 from tmc_vem.problems import Bodies, Box, Punch
 from tmc_vem.problems.cbox import angle_medium
+from tmc_vem.problems.probes import Displacement, Gap, Reaction
 from tmc_vem.report.comparison import Comparison, Method, comparison_page
 from tmc_vem.report.problem_figure import draw_problem
 from tmc_vem.report.richardson import Extrapolation
 from tmc_vem.report.write import to_markdown
-from tmc_vem.reproduce import TARGETS, reproduce
-from tmc_vem.results import RunResult, StepRecord
-from tmc_vem.simulation import RunOptions
+from tmc_vem.results.records import RunResult, StepRecord
+from tmc_vem.simulation.simulation import RunOptions
+from tmc_vem.study.compare import METHODS, cbox_study, compare, converged, voronoi_study
+from tmc_vem.study.paper import table2 as paper_table2
+from tmc_vem.study.paper import table3 as paper_table3
+from tmc_vem.study.paper.point_loads import creep, sinking
+from tmc_vem.study.paper.values import table2, table3
+from tmc_vem.study.reproduce import TARGETS, reproduce
+from tmc_vem.support.errors import InputError
 
 SHORT = ("--uy", "-0.05", "--factor", "1", "--factor", "2", "--factor", "3")
 

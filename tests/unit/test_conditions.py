@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from helpers_mesh import voronoi
 
-from tmc_vem.constraints import Prescribed
-from tmc_vem.errors import InputError
+from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.rigid import free_parts
-from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.problems import Bodies, Box, CBox, Material, Medium, Punch
 from tmc_vem.problems.base import RegionEnergy, medium_region, solid_region
 from tmc_vem.problems.conditions import check_conditions, check_shared, require_cells, require_held
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.constraints import Prescribed
 
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
 LINES = {"bottom": SQUARE[:2], "right": SQUARE[1:3], "top": SQUARE[2:], "left": (SQUARE[3], SQUARE[0])}

@@ -13,12 +13,12 @@ from click.testing import CliRunner
 
 from tmc_vem import Box, Medium, RunOptions, run
 from tmc_vem.cli.list import list_runs
-from tmc_vem.errors import InputError
 from tmc_vem.report.animation import states_of
 from tmc_vem.report.run_page import run_page
 from tmc_vem.report.write import to_markdown
-from tmc_vem.results import RunResult
-from tmc_vem.unfinished import BEGUN, process_facts
+from tmc_vem.results.records import RunResult
+from tmc_vem.results.unfinished import BEGUN, process_facts
+from tmc_vem.support.errors import InputError
 
 DAMAGES: dict[str, Callable[[bytes], bytes]] = {
     "cut": lambda content: content[: len(content) // 2],

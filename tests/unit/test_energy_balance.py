@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from tmc_vem import Box, Medium, RunOptions, run
-from tmc_vem.energy_balance import energy_balance
-from tmc_vem.results import StepRecord
+from tmc_vem.results.energy_balance import energy_balance
+from tmc_vem.results.records import StepRecord
 
 BOX = Box(cells=(20, 5), uy=-0.5, medium=Medium(gamma=1e-4))
 

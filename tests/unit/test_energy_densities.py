@@ -10,7 +10,7 @@ import pytest
 from codegen.centre import X_SYMBOLS, J
 from codegen.derive import parameter_symbol, to_sympy
 from codegen.oracle import components, energy_density, numpy_namespace
-from codegen.states import REGIMES, from_vector, rotate, sample
+from codegen.sampling import REGIMES, from_vector, rotate, sample
 from codegen.trace import trace
 from tmc_vem.energy import (
     DENSITIES,
@@ -21,7 +21,7 @@ from tmc_vem.energy import (
     hyperelastic_solid,
     third_medium,
 )
-from tmc_vem.errors import InputError
+from tmc_vem.support.errors import InputError
 
 PARAMETERS = {"K": 20.0, "mu": 10.0, "gamma": 1e-3, "alpha_r": 0.7, "beta": 5.0}
 NOT_OBJECTIVE = {"medium_tangent", "medium_tangent_damped"}

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tmc_vem import Box, RunOptions, RunResult, run
-from tmc_vem.errors import InputError
-from tmc_vem.sample import displacement_at, function_at, last_state, onto_function
+from tmc_vem.simulation.sample import displacement_at, function_at, last_state, onto_function
+from tmc_vem.support.errors import InputError
 
 PROBLEM = Box(cells=(20, 5), uy=-0.1, cell_kind="voronoi")
 

@@ -17,21 +17,21 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from tmc_vem import Box, Medium, RunOptions, RunResult, run
-from tmc_vem.checkpoint import Checkpoint
-from tmc_vem.fem.settings import FemSettings
-from tmc_vem.fields import Polygons
-from tmc_vem.gauge import Gauge
 from tmc_vem.mesh.geometry import areas
-from tmc_vem.output import gather_fields
-from tmc_vem.overlap import OverlapWatch
-from tmc_vem.probes import MeanJ
 from tmc_vem.problems import Material, Problem
 from tmc_vem.problems.base import solid_region
+from tmc_vem.problems.probes import MeanJ
 from tmc_vem.problems.wrapped import Probed
-from tmc_vem.report.snapshots import read_fields, snapshots
-from tmc_vem.report.solids import Solids
-from tmc_vem.vem.element import ElementSettings
-from tmc_vem.vem.quadrature import gauss_lobatto
+from tmc_vem.results.contact.solids import Solids
+from tmc_vem.results.output import gather_fields
+from tmc_vem.results.snapshots import read_fields, snapshots
+from tmc_vem.simulation.checkpoint import Checkpoint
+from tmc_vem.simulation.gauge import Gauge
+from tmc_vem.simulation.overlap import OverlapWatch
+from tmc_vem.system.fem_settings import FemSettings
+from tmc_vem.system.fields import Polygons
+from tmc_vem.vem.spaces.element import ElementSettings
+from tmc_vem.vem.spaces.quadrature import gauss_lobatto
 
 Float = NDArray[np.float64]
 SOLID = region("solid", K=20.0, mu=10.0)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import tmc_vem.simulation
+import tmc_vem.simulation.simulation
 from tmc_vem.cli.main import _run
 from tmc_vem.mesh.polygon import PolygonMesh
 
@@ -53,7 +53,7 @@ def test_any_arguments(
     def accept(*_: Any, **__: Any) -> None:
         raise Accepted
 
-    monkeypatch.setattr(tmc_vem.simulation, "run", accept)
+    monkeypatch.setattr(tmc_vem.simulation.simulation, "run", accept)
     capsys.readouterr()
     try:
         code = _run(["run", problem, *(word for option in options for word in option)])
@@ -72,7 +72,7 @@ def test_any_arguments(
     region=st.lists(st.integers(-1, 2), max_size=4),
 )
 def test_any_polygon_mesh(points: list[tuple[float, float]], cells: list[list[int]], region: list[int]) -> None:
-    from tmc_vem.errors import InputError
+    from tmc_vem.support.errors import InputError
 
     message = ""
     try:

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tmc_vem.constraints import Prescribed
+from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.parts import submesh, with_names
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
-from tmc_vem.problem_file import read_problem
 from tmc_vem.problems import Bodies, Box, CBox, Material, Medium, Punch
 from tmc_vem.problems.base import medium_region, solid_region
 from tmc_vem.problems.hints import CORNER, FLUSH, SHORT, THIN, cause_at, hints, likely
+from tmc_vem.simulation.problem_file import read_problem
+from tmc_vem.system.constraints import Prescribed
 
 ROOT = Path(__file__).parents[2]
 STEEL = Material(K=20.0, mu=10.0)

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from tmc_vem import Box, RunOptions, run
-from tmc_vem.errors import InputError
-from tmc_vem.lock import LOCK, DirectoryLock
+from tmc_vem.results.lock import LOCK, DirectoryLock
+from tmc_vem.support.errors import InputError
 
 
 def test_a_lock_excludes_another(tmp_path: Path) -> None:
@@ -25,7 +25,7 @@ def test_a_lock_excludes_another(tmp_path: Path) -> None:
 
 
 def test_a_killed_process_leaves_no_lock(tmp_path: Path) -> None:
-    code = f"from tmc_vem.lock import DirectoryLock; from pathlib import Path; import sys, time; \
+    code = f"from tmc_vem.results.lock import DirectoryLock; from pathlib import Path; import sys, time; \
 lock = DirectoryLock(Path({str(tmp_path)!r})); print('held', flush=True); time.sleep(60)"
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None

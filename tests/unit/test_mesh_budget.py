@@ -13,14 +13,14 @@ from test_problem_file import SMALL, small
 
 from tmc_vem import Box
 from tmc_vem.cli.main import _run
-from tmc_vem.errors import InputError
-from tmc_vem.mesh import budget
-from tmc_vem.mesh.budget import POLYGONS, QUADRILATERALS, TRIANGLES, VARIABLE, check_size, estimate
-from tmc_vem.mesh.outline import Arc, Region
-from tmc_vem.mesh.triangles import triangle_mesh
-from tmc_vem.mesh.voronoi import voronoi_mesh
+from tmc_vem.mesh.make import cell_count as budget
+from tmc_vem.mesh.make.cell_count import POLYGONS, QUADRILATERALS, TRIANGLES, VARIABLE, check_size, estimate
+from tmc_vem.mesh.make.outline import Arc, Region
+from tmc_vem.mesh.make.triangles import triangle_mesh
+from tmc_vem.mesh.make.voronoi import voronoi_mesh
 from tmc_vem.problems import Bodies, CBox, Punch
-from tmc_vem.triangulated import Triangulated
+from tmc_vem.simulation.triangulated import Triangulated
+from tmc_vem.support.errors import InputError
 
 SQUARE = [Region("domain", [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])]
 HALF_DISC = [Region("domain", [Arc((0.0, 0.0), 1.0, 0.0, 180.0)])]

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from tmc_vem.cli.main import main
-from tmc_vem.mesh.io import read_mesh
+from tmc_vem.mesh.files.io import read_mesh
 
 
 def call(capsys, *arguments):

@@ -21,11 +21,11 @@ import pytest
 
 from tmc_vem import run
 from tmc_vem.cli.main import main
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.check import find_faults
-from tmc_vem.mesh.io import read_mesh
+from tmc_vem.mesh.files.io import read_mesh
 from tmc_vem.mesh.quality import measure
-from tmc_vem.problem_file import read_problem
+from tmc_vem.simulation.problem_file import read_problem
+from tmc_vem.support.errors import InputError
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 EXPECTED: dict[str, dict[str, Any]] = tomllib.loads((CORPUS / "expected.toml").read_text())

@@ -10,16 +10,16 @@ import pytest
 
 from tmc_vem import run
 from tmc_vem.cli.main import main
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.check import find_faults, repair
+from tmc_vem.mesh.files.io import read_mesh, write_mesh
 from tmc_vem.mesh.files.record import Group
 from tmc_vem.mesh.files.regions import regions_of
-from tmc_vem.mesh.io import read_mesh, write_mesh
+from tmc_vem.mesh.make.triangles import mesh_geometry
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.quality import measure
-from tmc_vem.mesh.triangles import mesh_geometry
-from tmc_vem.notes import heard_by
-from tmc_vem.problem_file import read_problem
+from tmc_vem.simulation.problem_file import read_problem
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.notes import heard_by
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 TWO = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1)]

@@ -13,9 +13,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tmc_vem.cli.main import _run
-from tmc_vem.errors import InputError
-from tmc_vem.mesh.io import FORMATS, WITHOUT_NAMES, read_mesh, write_mesh
+from tmc_vem.mesh.files.io import FORMATS, WITHOUT_NAMES, read_mesh, write_mesh
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.support.errors import InputError
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 POLYGONS = [kind for kind in (*FORMATS, *WITHOUT_NAMES) if kind not in (".msh", ".inp")]

@@ -10,14 +10,14 @@ from helpers_mesh import non_convex
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tmc_vem.errors import InputError, Note
 from tmc_vem.mesh import PolygonMesh, Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.check import find_faults, repair
-from tmc_vem.mesh.io import FORMATS, read_mesh, write_mesh
-from tmc_vem.mesh.outline import Region
+from tmc_vem.mesh.files.io import FORMATS, read_mesh, write_mesh
+from tmc_vem.mesh.make.outline import Region
+from tmc_vem.mesh.make.triangles import triangle_mesh
 from tmc_vem.mesh.parts import with_names
-from tmc_vem.mesh.triangles import triangle_mesh
 from tmc_vem.problems import Box, CBox, Punch
+from tmc_vem.support.errors import InputError, Note
 
 
 @cache

@@ -7,15 +7,15 @@ import pytest
 from helpers_system import CLAMPED, free_part, interpolate, make_system, region
 from test_vem_convergence import observed
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh import PolygonMesh, Rectangle, structured_quadrilaterals
-from tmc_vem.mesh.outline import Arc, Region
-from tmc_vem.mesh.refine import refine
-from tmc_vem.mesh.triangles import triangle_mesh
-from tmc_vem.mesh.voronoi import voronoi_mesh
-from tmc_vem.mesh.weld import weld
+from tmc_vem.mesh.make.outline import Arc, Region
+from tmc_vem.mesh.make.refine import refine
+from tmc_vem.mesh.make.triangles import triangle_mesh
+from tmc_vem.mesh.make.voronoi import voronoi_mesh
+from tmc_vem.mesh.make.weld import weld
 from tmc_vem.problems import Box, CBox, Punch
 from tmc_vem.solve.newton import NewtonSolver
+from tmc_vem.support.errors import InputError
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 HALVES = [

@@ -8,8 +8,8 @@ from helpers_mesh import hanging, non_convex, voronoi
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from tmc_vem.mesh.distribute import distribute
-from tmc_vem.mesh.plex import cone_sizes, cones
+from tmc_vem.mesh.spread.distribute import distribute
+from tmc_vem.mesh.spread.plex import cone_sizes, cones
 
 
 @pytest.mark.parametrize("mesh", [voronoi(9), hanging(3), non_convex()], ids=["Voronoi", "hanging", "non-convex"])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from helpers_mesh import SHAPES, grid, hanging, mesh_of, non_convex, voronoi
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.mesh.geometry import areas, centroids, diameters, star_shaped_about
+from tmc_vem.support.errors import InputError
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 TWO = [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (0.0, 1.0), (1.0, 1.0), (2.0, 1.0)]

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from helpers_mesh import SHAPES, mesh_of, regular
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.check import find_faults
 from tmc_vem.mesh.geometry import areas
-from tmc_vem.mesh.outline import Region
+from tmc_vem.mesh.make.outline import Region
+from tmc_vem.mesh.make.refine import refine
+from tmc_vem.mesh.make.voronoi import voronoi_mesh
 from tmc_vem.mesh.parts import with_names
-from tmc_vem.mesh.refine import refine
-from tmc_vem.mesh.voronoi import voronoi_mesh
-from tmc_vem.vem.element import ElementSettings, build_elements
+from tmc_vem.support.errors import InputError
+from tmc_vem.vem.spaces.element import ElementSettings, build_elements
 
 
 def squares(n=4):

@@ -11,9 +11,9 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tmc_vem.errors import InputError
-from tmc_vem.mesh.outline import Arc, Region
-from tmc_vem.mesh.shapes import Shape, combine, disc, polygon, rectangle, signed_area
+from tmc_vem.mesh.make.outline import Arc, Region
+from tmc_vem.mesh.make.shapes import Shape, combine, disc, polygon, rectangle, signed_area
+from tmc_vem.support.errors import InputError
 
 EIGHTHS = st.integers(0, 16).map(lambda n: n / 8)
 RADII = st.integers(1, 8).map(lambda n: n / 8)

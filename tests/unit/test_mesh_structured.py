@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.geometry import areas
 from tmc_vem.problems import Box, Material, Medium
+from tmc_vem.support.errors import InputError
 
 WHOLE = Rectangle("solid", 0.0, 2.0, 0.0, 1.0)
 

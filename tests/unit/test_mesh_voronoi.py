@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.check import find_faults
 from tmc_vem.mesh.geometry import areas, centroids
-from tmc_vem.mesh.outline import Arc, Region, make_skeleton
+from tmc_vem.mesh.make.outline import Arc, Region, make_skeleton
+from tmc_vem.mesh.make.triangles import triangle_mesh
+from tmc_vem.mesh.make.voronoi import voronoi_mesh
 from tmc_vem.mesh.quality import measure
-from tmc_vem.mesh.triangles import triangle_mesh
-from tmc_vem.mesh.voronoi import voronoi_mesh
+from tmc_vem.support.errors import InputError
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 CIRCLE = [Arc((0.5, 0.5), 0.25, 0, 180), Arc((0.5, 0.5), 0.25, 180, 360)]
@@ -160,7 +160,7 @@ def test_triangles_of_the_same_outlines(quadrilaterals):
 def test_a_hundred_thousand_cells(tmp_path):
     import time
 
-    from tmc_vem.mesh.io import write_mesh
+    from tmc_vem.mesh.files.io import write_mesh
 
     start = time.process_time()
     lower = Region("a", [(0, 0), (1, 0), (1, 0.5), (0, 0.5)])

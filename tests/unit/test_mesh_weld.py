@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh import PolygonMesh, Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.check import find_faults
 from tmc_vem.mesh.geometry import areas
-from tmc_vem.mesh.outline import Arc, Region
+from tmc_vem.mesh.make.outline import Arc, Region
+from tmc_vem.mesh.make.voronoi import voronoi_mesh
+from tmc_vem.mesh.make.weld import weld
 from tmc_vem.mesh.parts import submesh, with_names
-from tmc_vem.mesh.voronoi import voronoi_mesh
-from tmc_vem.mesh.weld import weld
 from tmc_vem.problems import Box
+from tmc_vem.support.errors import InputError
 
 
 def grid(nx, ny, x=(0.0, 1.0), y=(0.0, 1.0), name="domain"):

@@ -12,15 +12,15 @@ import pytest
 from helpers_process import tmc
 from rich.console import Console
 
+from tmc_vem.cli.columns import names_and_values
 from tmc_vem.cli.progress import summary_rows
-from tmc_vem.cli.tables import names_and_values
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.report import plots
 from tmc_vem.report.labels import label
 from tmc_vem.report.mesh_figure import draw_mesh
 from tmc_vem.report.page import Page, Section, Table, Text
 from tmc_vem.report.write import to_html, to_markdown
-from tmc_vem.results import RunResult, StepRecord
+from tmc_vem.results.records import RunResult, StepRecord
 
 NAMES = (
     "$x_1^2$",

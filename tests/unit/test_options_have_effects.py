@@ -16,13 +16,13 @@ from petsc4py import PETSc
 
 from tmc_vem import Box, Medium, RunOptions, RunResult, run
 from tmc_vem.cli import run as commands
-from tmc_vem.fem.settings import FemSettings
 from tmc_vem.mesh.geometry import areas
-from tmc_vem.problem_file import read_problem
 from tmc_vem.problems import Bodies, CBox, Material, Problem, Punch
 from tmc_vem.problems.base import medium_region
-from tmc_vem.simulation import discretise, run_inputs
-from tmc_vem.vem.element import ElementSettings
+from tmc_vem.simulation.problem_file import read_problem
+from tmc_vem.simulation.simulation import discretise, run_inputs
+from tmc_vem.system.fem_settings import FemSettings
+from tmc_vem.vem.spaces.element import ElementSettings
 
 # -- the command line ------------------------------------------------------------------------------------------------
 
@@ -379,7 +379,7 @@ def test_what_a_run_leaves_behind_is_as_its_options_say(tmp_path: Path) -> None:
         assert not (tmp_path / "box" / "triangulated.pvd").exists()
     run(BOX, tmp_path / "cut", RunOptions(steps=1, snapshots=1, triangulated=True))
     assert (tmp_path / "cut" / "triangulated.pvd").exists()
-    from tmc_vem.errors import InputError
+    from tmc_vem.support.errors import InputError
 
     with pytest.raises(InputError, match="overwrite"):
         run(BOX, tmp_path / "box", RunOptions(steps=1))

@@ -14,13 +14,13 @@ from helpers_system import interpolate, problem_system
 from numpy.typing import NDArray
 
 from tmc_vem import run
-from tmc_vem.overlap import OverlapWatch, Refusal
-from tmc_vem.problem_file import read_problem
-from tmc_vem.report.contact import OVERLAP, Overlap
-from tmc_vem.results import RunResult, StepRecord
+from tmc_vem.results.contact.contact import OVERLAP, Overlap
+from tmc_vem.results.records import RunResult, StepRecord
+from tmc_vem.simulation.overlap import OverlapWatch, Refusal
+from tmc_vem.simulation.problem_file import read_problem
 from tmc_vem.solve.newton import NewtonSolver
-from tmc_vem.solve.protocol import Evaluation, RegionValues
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
+from tmc_vem.system.discretisation import Evaluation, RegionValues
 
 Float = NDArray[np.float64]
 SQUEEZED = Evaluation(0.0, {"medium": RegionValues(0.0, 0.05)})

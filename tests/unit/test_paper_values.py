@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tmc_vem.cli import run as commands
-from tmc_vem.probes import Gap
 from tmc_vem.problems import Bodies, Box, CBox, Material, Medium, Problem, Punch
 from tmc_vem.problems.cbox import angle_medium
+from tmc_vem.problems.probes import Gap
 
 SOFT = {"K": 5.0 / 3.0, "mu": 5.0 / 14.0}
 # problem, values of the regions (mu, gamma, alpha_r and beta of a medium) and its regulariser's energy
@@ -164,7 +164,7 @@ def from_command(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> tuple[Prob
 
 @pytest.mark.parametrize("problem", [Box(), CBox(), Punch(), Bodies()], ids=lambda problem: problem.name)
 def test_a_command_without_options_is_the_benchmark_of_python(problem: Problem, monkeypatch: Any) -> None:
-    from tmc_vem.simulation import RunOptions
+    from tmc_vem.simulation.simulation import RunOptions
 
     made, settings = from_command(monkeypatch, problem.name)
     assert made == problem
@@ -175,9 +175,9 @@ def test_a_command_without_options_is_the_benchmark_of_python(problem: Problem, 
 
 
 def test_the_tables_and_figures_ask_for_what_the_paper_asks_for() -> None:
-    from tmc_vem.paper.body_figures import FIGURES
-    from tmc_vem.paper.table2 import MEDIA
-    from tmc_vem.paper.values import table2
+    from tmc_vem.study.paper.body_figures import FIGURES
+    from tmc_vem.study.paper.table2 import MEDIA
+    from tmc_vem.study.paper.values import table2
 
     assert set(table2()) == {(a, g) for a in (10.0, 1.0, 0.1) for g in (1e-4, 1e-5, 1e-6)}
     for (alpha_r, gamma), medium in MEDIA.items():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from tmc_vem.petsc_arrays import compressed_rows, in_place
+from tmc_vem.support.petsc_arrays import compressed_rows, in_place
 
 
 def matrix_of(dense: np.ndarray) -> PETSc.Mat:

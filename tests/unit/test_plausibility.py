@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tmc_vem import Box, Medium, run
-from tmc_vem.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of
-from tmc_vem.results import StepRecord
+from tmc_vem.results.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of
+from tmc_vem.results.records import StepRecord
 
 SIZE = 2.0
 
@@ -201,9 +201,9 @@ def test_a_run_has_all_of_its_media_judged(monkeypatch: pytest.MonkeyPatch) -> N
     """A box whose medium is two regions."""
     import dataclasses
 
-    from tmc_vem import recorder
     from tmc_vem.problems.wrapped import Wrapped
-    from tmc_vem.simulation import media_of
+    from tmc_vem.simulation import recorder
+    from tmc_vem.simulation.simulation import media_of
 
     class Halves(Wrapped):
         def regions(self) -> Any:

@@ -13,14 +13,14 @@ from helpers_mesh import hanging, voronoi
 from helpers_system import interpolate, make_system, problem_system, region
 
 from tmc_vem import Box, Medium, RunOptions, RunResult, run
-from tmc_vem.errors import InputError
-from tmc_vem.gauge import Gauge
-from tmc_vem.places import Places
-from tmc_vem.probes import RESERVED, Displacement, Gap, MeanJ, Position, Probe, Reaction, check_probes
+from tmc_vem.problems.probes import RESERVED, Displacement, Gap, MeanJ, Position, Probe, Reaction, check_probes
 from tmc_vem.problems.wrapped import Probed
-from tmc_vem.results import StepRecord
-from tmc_vem.units import Units
-from tmc_vem.vem.element import ElementSettings
+from tmc_vem.results.records import StepRecord
+from tmc_vem.simulation.gauge import Gauge
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.units import Units
+from tmc_vem.system.places import Places
+from tmc_vem.vem.spaces.element import ElementSettings
 
 SOLID = region("solid", K=20.0, mu=10.0)
 BOX = Box(cells=(20, 5), uy=-0.05, medium=Medium(gamma=1e-4))

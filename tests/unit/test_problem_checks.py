@@ -10,14 +10,14 @@ import pytest
 from helpers_process import tmc
 
 from tmc_vem import Box, Material, Medium, RunOptions, run
-from tmc_vem.errors import InputError
-from tmc_vem.mesh.outline import Region
-from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
-from tmc_vem.mesh.voronoi import voronoi_mesh
-from tmc_vem.problem_file import read_problem
+from tmc_vem.mesh.make.outline import Region
+from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
+from tmc_vem.mesh.make.voronoi import voronoi_mesh
 from tmc_vem.problems import Bodies, CBox, Punch
 from tmc_vem.problems.base import RegionEnergy, solid_region
 from tmc_vem.problems.examine import examine, of_moduli
+from tmc_vem.simulation.problem_file import read_problem
+from tmc_vem.support.errors import InputError
 
 BLOCKS = """\
 name = "blocks"

@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 
 from tmc_vem import RunResult, run
 from tmc_vem.cli.main import _run
-from tmc_vem.errors import InputError
+from tmc_vem.mesh.files.io import read_mesh, write_mesh
 from tmc_vem.mesh.geometry import areas
-from tmc_vem.mesh.io import read_mesh, write_mesh
-from tmc_vem.problem_file import read_problem
+from tmc_vem.simulation.problem_file import read_problem
+from tmc_vem.support.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "demos" / "problems").glob("*.toml"))
@@ -309,7 +309,7 @@ def test_names_that_do_not_fit_a_mesh_file(tmp_path: Path) -> None:
 
 
 def test_the_table_says_what_is_medium_not_the_name(tmp_path: Path) -> None:
-    from tmc_vem.report.snapshots import read_fields, snapshots
+    from tmc_vem.results.snapshots import read_fields, snapshots
 
     text = SMALL.replace("[regions.medium]", "[regions.air]").replace("regions.plug", "regions.medium_plug")
     problem, options = read_problem(small(tmp_path, text.replace('["plug", ', '["medium_plug", ')))

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tmc_vem.fields import Fields, Polygons
-from tmc_vem.plausibility import ERROR, WARNING, Finding
 from tmc_vem.report import cautions
 from tmc_vem.report.canvas import ticks
-from tmc_vem.report.contact import ContactReport
 from tmc_vem.report.page import Page, Section
-from tmc_vem.report.snapshots import Snapshot
 from tmc_vem.report.write import to_html, to_markdown
-from tmc_vem.results import RunResult
+from tmc_vem.results.contact.contact import ContactReport
+from tmc_vem.results.plausibility import ERROR, WARNING, Finding
+from tmc_vem.results.records import RunResult
+from tmc_vem.results.snapshots import Snapshot
+from tmc_vem.system.fields import Fields, Polygons
 
 
 def result(**changes: object) -> RunResult:

@@ -7,10 +7,10 @@ import pytest
 import shapely
 from helpers_contact import slow_check
 
-from tmc_vem.fields import Fields, Polygons
-from tmc_vem.report.contact import check_contact
-from tmc_vem.report.distances import closed_gaps, distances_beyond
-from tmc_vem.report.solids import Chains, Solids
+from tmc_vem.results.contact.contact import check_contact
+from tmc_vem.results.contact.distances import closed_gaps, distances_beyond
+from tmc_vem.results.contact.solids import Chains, Solids
+from tmc_vem.system.fields import Fields, Polygons
 
 
 def state(cells, displacement, regions=None, names=("solid", "medium"), order=2):

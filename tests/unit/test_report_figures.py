@@ -9,9 +9,9 @@ import pytest
 from matplotlib import colormaps
 from PIL import Image
 
-from tmc_vem.fields import Fields, Polygons
 from tmc_vem.report.canvas import Canvas, ticks
 from tmc_vem.report.figures import ABOVE, BELOW, DPI, LEFT, WIDTH, draw_deformed, outline
+from tmc_vem.system.fields import Fields, Polygons
 
 VIRIDIS = colormaps["viridis"](np.linspace(0.0, 1.0, 256))[:, :3]
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tmc_vem.errors import InputError
 from tmc_vem.report.page import Section, Table, Text
 from tmc_vem.report.refresh import block_names, refreshed, section_markdown
+from tmc_vem.support.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 DOCUMENT = "before\n<!-- numbers: gap -->\n\nold\n\n<!-- end of numbers -->\nafter\n"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tmc_vem.errors import InputError
 from tmc_vem.report.richardson import extrapolate
+from tmc_vem.support.errors import InputError
 
 
 @pytest.mark.parametrize("order", [0.8, 1.0, 2.0, 3.5])

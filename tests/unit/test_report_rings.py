@@ -7,7 +7,7 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from tmc_vem.report.rings import Change, Rings
+from tmc_vem.results.contact.rings import Change, Rings
 
 Float = NDArray[np.float64]
 

@@ -13,13 +13,13 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from tmc_vem import Box, Medium, RunOptions, run
-from tmc_vem.errors import InputError
-from tmc_vem.fields import Fields, Polygons
-from tmc_vem.recorder import Recorder
-from tmc_vem.report.snapshots import read_fields, snapshots
-from tmc_vem.results import RunResult
-from tmc_vem.run_directory import RunDirectory
-from tmc_vem.timing import Timer
+from tmc_vem.results.directory import RunDirectory
+from tmc_vem.results.records import RunResult
+from tmc_vem.results.snapshots import read_fields, snapshots
+from tmc_vem.simulation.recorder import Recorder
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.timing import Timer
+from tmc_vem.system.fields import Fields, Polygons
 
 
 @pytest.fixture(scope="module")

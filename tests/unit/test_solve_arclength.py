@@ -12,15 +12,15 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from tmc_vem.constraints import Prescribed
 from tmc_vem.mesh import PolygonMesh
+from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.parts import submesh, with_names
-from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
 from tmc_vem.solve.newton import NewtonSolver
-from tmc_vem.solve.protocol import Evaluation, RegionValues
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
+from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.discretisation import Evaluation, RegionValues
 
 Float = NDArray[np.float64]
 

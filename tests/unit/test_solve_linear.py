@@ -12,8 +12,8 @@ from helpers_system import make_system, region
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from tmc_vem.errors import InputError
 from tmc_vem.solve.linear import LinearSolver, preset_names, read_options
+from tmc_vem.support.errors import InputError
 
 FACTORISING = ("direct", "reproducible")
 

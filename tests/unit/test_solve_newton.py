@@ -7,13 +7,13 @@ import pytest
 from helpers_mesh import grid, voronoi
 from helpers_system import CLAMPED, interpolate, make_system, problem_system, region
 
-from tmc_vem.constraints import Prescribed
-from tmc_vem.errors import InputError
 from tmc_vem.mesh import Rectangle, structured_quadrilaterals
 from tmc_vem.problems import Box, Medium
 from tmc_vem.solve.linear import LinearSolver
 from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.constraints import Prescribed
 
 SOLID = region("solid", K=20.0, mu=10.0)
 

@@ -10,17 +10,17 @@ from helpers_system import make_system, problem_system, region
 from petsc4py import PETSc
 
 from tmc_vem import Box, Medium, RunOptions, run
-from tmc_vem.constraints import Prescribed
-from tmc_vem.errors import InputError
 from tmc_vem.mesh import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.parts import with_names
-from tmc_vem.probes import Displacement
+from tmc_vem.problems.probes import Displacement
 from tmc_vem.problems.wrapped import Probed
 from tmc_vem.solve.budget import Budget, OutOfBudget
 from tmc_vem.solve.newton import NewtonResult, NewtonSolver
 from tmc_vem.solve.path import DECADE, Control, ControlPath, load_path
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.constraints import Prescribed
 
 
 def block(uy: float = -0.3) -> Any:

@@ -17,14 +17,14 @@ from petsc4py import PETSc
 from test_plausibility import findings, open_gap, record
 from test_report_contact import LOWER, UPPER, lowered, square, state
 
-from tmc_vem.checkpoint import Checkpoint
-from tmc_vem.errors import InputError
 from tmc_vem.mesh import PolygonMesh, Rectangle, structured_quadrilaterals
-from tmc_vem.mesh.refine import refine
-from tmc_vem.mesh.weld import weld
-from tmc_vem.report.contact import check_contact
+from tmc_vem.mesh.make.refine import refine
+from tmc_vem.mesh.make.weld import weld
+from tmc_vem.results.contact.contact import check_contact
+from tmc_vem.simulation.checkpoint import Checkpoint
 from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
-from tmc_vem.solve.protocol import Evaluation, RegionValues
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.discretisation import Evaluation, RegionValues
 
 Float = NDArray[np.float64]
 INSIDE, OUTSIDE = 0.9, 1.1  # of a tolerance

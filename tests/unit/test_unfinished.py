@@ -19,18 +19,18 @@ from helpers_process import clean_environment, tmc
 from test_checkpoint import BOX, COMMAND, stopped_run
 
 from tmc_vem import Box, Medium, RunOptions, run
-from tmc_vem.checkpoint import BEFORE, CHECKPOINT
 from tmc_vem.cli.progress import summary_rows
-from tmc_vem.errors import InputError
-from tmc_vem.lock import LOCK, DirectoryLock, is_held
-from tmc_vem.monitor import Monitor
 from tmc_vem.report.cautions import of_runs
 from tmc_vem.report.run_page import run_page
 from tmc_vem.report.tables import reached
 from tmc_vem.report.write import to_markdown
-from tmc_vem.results import RunResult, StepRecord
+from tmc_vem.results.lock import LOCK, DirectoryLock, is_held
+from tmc_vem.results.records import RunResult, StepRecord
+from tmc_vem.results.unfinished import BEGUN, process_facts
+from tmc_vem.simulation.checkpoint import BEFORE, CHECKPOINT
+from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.solve.budget import OutOfBudget
-from tmc_vem.unfinished import BEGUN, process_facts
+from tmc_vem.support.errors import InputError
 
 SHORT = Box(cells=(20, 5), uy=-0.1, medium=Medium(gamma=1e-4))
 
@@ -217,7 +217,7 @@ def test_who_looks_does_not_keep_a_run_from_starting(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_is_said_later(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tmc_vem.output import SnapshotWriter
+    from tmc_vem.results.output import SnapshotWriter
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")

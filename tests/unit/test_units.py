@@ -8,10 +8,10 @@ import pytest
 import pyvista
 
 from tmc_vem import Box, Medium, RunOptions, RunResult, run
-from tmc_vem.probes import Displacement, Gap, MeanJ, Position, Probe, Reaction
 from tmc_vem.problems import Material
+from tmc_vem.problems.probes import Displacement, Gap, MeanJ, Position, Probe, Reaction
 from tmc_vem.problems.wrapped import Probed
-from tmc_vem.units import ENERGY, FORCE, LENGTH, NONE, STRESS, Units
+from tmc_vem.support.units import ENERGY, FORCE, LENGTH, NONE, STRESS, Units
 
 PROBES: dict[str, Probe] = {
     "down": Displacement("uy", "load"),

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from tmc_vem import Box, Medium, RunOptions, run
-from tmc_vem.errors import InputError
-from tmc_vem.problem_file import read_problem
+from tmc_vem.simulation.problem_file import read_problem
+from tmc_vem.support.errors import InputError
 
 BENDING = '''
 from pathlib import Path

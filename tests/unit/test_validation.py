@@ -12,12 +12,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tmc_vem.errors import InputError
-from tmc_vem.fem.settings import FemSettings
 from tmc_vem.problems import Bodies, Box, CBox, Material, Medium, Punch
-from tmc_vem.simulation import RunOptions
-from tmc_vem.validation import build, check_fields, require_choice, require_finite, require_known, require_within
-from tmc_vem.vem.element import ElementSettings
+from tmc_vem.simulation.simulation import RunOptions
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.validation import (
+    build,
+    check_fields,
+    require_choice,
+    require_finite,
+    require_known,
+    require_within,
+)
+from tmc_vem.system.fem_settings import FemSettings
+from tmc_vem.vem.spaces.element import ElementSettings
 
 TABLES = (Box, CBox, Punch, Bodies, Medium, Material, ElementSettings, FemSettings, RunOptions)
 

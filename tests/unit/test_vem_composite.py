@@ -7,11 +7,11 @@ import pytest
 from helpers_mesh import SHAPES, subdivide
 
 from codegen.potential import gradient_of_potential, potential_of_gradient
-from tmc_vem.vem import monomials, triangulation
-from tmc_vem.vem.projector import edge_basis, moments_of_basis
-from tmc_vem.vem.quadrature import sub_triangles, triangle
-from tmc_vem.vem.space_composite import CompositeSpace
-from tmc_vem.vem.spaces import Shapes
+from tmc_vem.vem.spaces import monomials, triangulation
+from tmc_vem.vem.spaces.composite import CompositeSpace
+from tmc_vem.vem.spaces.projector import edge_basis, moments_of_basis
+from tmc_vem.vem.spaces.quadrature import sub_triangles, triangle
+from tmc_vem.vem.spaces.spaces import Shapes
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 POLYGONS = {**SHAPES, "three hanging nodes on two sides": subdivide(SQUARE, [4, 4, 1, 1])}

@@ -7,19 +7,19 @@ import pytest
 from helpers_mesh import SHAPES, SQUARE_IN_THREE, grid, hanging, mesh_of, voronoi
 from helpers_oracle import Oracle, powers
 
-from tmc_vem.errors import InputError
-from tmc_vem.vem import element
-from tmc_vem.vem.element import (
+from tmc_vem.support.errors import InputError
+from tmc_vem.vem.spaces import element
+from tmc_vem.vem.spaces.composite import CompositeSpace
+from tmc_vem.vem.spaces.element import (
     ElementSettings,
     build_elements,
     congruence_classes,
 )
-from tmc_vem.vem.quadrature import sub_triangles
-from tmc_vem.vem.rules import compressed, on_sub_triangles
-from tmc_vem.vem.space_composite import CompositeSpace
-from tmc_vem.vem.spaces import FullSpace, Shapes
-from tmc_vem.vem.stability import StabilityTest, element_tangent, positive_definite, stability_constants
-from tmc_vem.vem.tables import points_and_values, tabulate
+from tmc_vem.vem.spaces.quadrature import sub_triangles
+from tmc_vem.vem.spaces.rules import compressed, on_sub_triangles
+from tmc_vem.vem.spaces.spaces import FullSpace, Shapes
+from tmc_vem.vem.spaces.stability import StabilityTest, element_tangent, positive_definite, stability_constants
+from tmc_vem.vem.spaces.tabulated import points_and_values, tabulate
 
 # Smallest l of full rank for k = 2. Those of squares, pentagons, halved triangles and hanging nodes are known from
 # spectra computed elsewhere; the counting rule N <= 2 l - 2 k + 5 promises less for all of them.

@@ -7,8 +7,8 @@ import pytest
 from helpers_mesh import SHAPES
 from helpers_oracle import Oracle, integrate_polygon, powers, product
 
-from tmc_vem.vem import monomials
-from tmc_vem.vem.projector import (
+from tmc_vem.vem.spaces import monomials
+from tmc_vem.vem.spaces.projector import (
     PolygonGeometry,
     dofs_of_monomials,
     edge_basis,
@@ -19,7 +19,7 @@ from tmc_vem.vem.projector import (
     n_translated_dofs,
     value_projector,
 )  # fmt: skip
-from tmc_vem.vem.quadrature import gauss_lobatto
+from tmc_vem.vem.spaces.quadrature import gauss_lobatto
 
 NAMES = [
     "triangle", "square", "pentagon", "L", "U", "arrow", "square, one hanging node",

@@ -11,8 +11,8 @@ from helpers_mesh import SHAPES, SQUARE_IN_THREE
 from helpers_oracle import integrate_polygon, powers
 
 from tmc_vem.mesh.geometry import areas
-from tmc_vem.vem import monomials
-from tmc_vem.vem.quadrature import (
+from tmc_vem.vem.spaces import monomials
+from tmc_vem.vem.spaces.quadrature import (
     ear_clipping,
     fan,
     gauss,

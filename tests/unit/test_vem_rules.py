@@ -7,14 +7,14 @@ import pytest
 from helpers_mesh import SHAPES, regular, voronoi
 from helpers_oracle import powers
 
-from tmc_vem.vem.element import ElementSettings
-from tmc_vem.vem.quadrature import on_triangles, sub_triangles
-from tmc_vem.vem.rules import compressed, convex, on_sub_triangles
-from tmc_vem.vem.space_composite import CompositeSpace
-from tmc_vem.vem.space_macro import MacroSpace
-from tmc_vem.vem.spaces import FullSpace, HarmonicSpace, Shapes
-from tmc_vem.vem.stability import stability_constants
-from tmc_vem.vem.tables import tabulate
+from tmc_vem.vem.spaces.composite import CompositeSpace
+from tmc_vem.vem.spaces.element import ElementSettings
+from tmc_vem.vem.spaces.macro import MacroSpace
+from tmc_vem.vem.spaces.quadrature import on_triangles, sub_triangles
+from tmc_vem.vem.spaces.rules import compressed, convex, on_sub_triangles
+from tmc_vem.vem.spaces.spaces import FullSpace, HarmonicSpace, Shapes
+from tmc_vem.vem.spaces.stability import stability_constants
+from tmc_vem.vem.spaces.tabulated import tabulate
 
 POLYGONS = {**SHAPES, "octagon": regular(8), "decagon": regular(10)}
 DART = np.array([(0.0, 0.0), (2.0, 0.0), (0.7, 0.6), (0.0, 2.0)])

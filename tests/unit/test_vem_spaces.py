@@ -8,16 +8,16 @@ from helpers_mesh import SHAPES, grid, hanging, mesh_of, regular, subdivide, vor
 from helpers_oracle import Oracle, powers
 from helpers_system import CLAMPED, errors, free_part, interpolate, make_system, region
 
-from tmc_vem.errors import InputError
-from tmc_vem.vem import monomials, triangulation
-from tmc_vem.vem.element import ElementSettings, build_elements
-from tmc_vem.vem.quadrature import on_triangles, sub_triangles, triangle
-from tmc_vem.vem.rules import on_sub_triangles
-from tmc_vem.vem.space_composite import CompositeSpace
-from tmc_vem.vem.space_macro import MacroSpace
-from tmc_vem.vem.spaces import FullSpace, HarmonicSpace, Shapes, harmonic_fields
-from tmc_vem.vem.stability import elastic_tangent, stability_constants
-from tmc_vem.vem.tables import tabulate
+from tmc_vem.support.errors import InputError
+from tmc_vem.vem.spaces import monomials, triangulation
+from tmc_vem.vem.spaces.composite import CompositeSpace
+from tmc_vem.vem.spaces.element import ElementSettings, build_elements
+from tmc_vem.vem.spaces.macro import MacroSpace
+from tmc_vem.vem.spaces.quadrature import on_triangles, sub_triangles, triangle
+from tmc_vem.vem.spaces.rules import on_sub_triangles
+from tmc_vem.vem.spaces.spaces import FullSpace, HarmonicSpace, Shapes, harmonic_fields
+from tmc_vem.vem.spaces.stability import elastic_tangent, stability_constants
+from tmc_vem.vem.spaces.tabulated import tabulate
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 MANY = {

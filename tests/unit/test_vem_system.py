@@ -7,14 +7,14 @@ import pytest
 from helpers_mesh import grid, hanging, non_convex, voronoi, with_boundary
 from helpers_system import CLAMPED, dense, interpolate, make_system, problem_system, region
 
-from tmc_vem.constraints import Prescribed
-from tmc_vem.errors import InputError
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.problems import Box, Medium
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.constraints import Prescribed
 from tmc_vem.vem import insertion
-from tmc_vem.vem.element import ElementSettings
 from tmc_vem.vem.pattern import serial_matrix
-from tmc_vem.vem.tables import points_and_values
+from tmc_vem.vem.spaces.element import ElementSettings
+from tmc_vem.vem.spaces.tabulated import points_and_values
 
 MEDIUM = {"mu": 10.0, "gamma": 0.1, "alpha_r": 0.3, "beta": 2.0}
 ENERGIES = ["solid", "medium_huhu_lulu_damped", "medium_angle_damped", "medium_huhu"]

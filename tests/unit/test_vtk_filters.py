@@ -12,12 +12,12 @@ from helpers_mesh import hanging, voronoi
 from helpers_system import interpolate, make_system, region
 
 from tmc_vem import Box, RunOptions, run
-from tmc_vem.errors import InputError
 from tmc_vem.mesh import PolygonMesh, Rectangle, structured_quadrilaterals
-from tmc_vem.mesh.outline import Region
-from tmc_vem.mesh.triangles import triangle_mesh
-from tmc_vem.output import SnapshotWriter
-from tmc_vem.vem.element import ElementSettings
+from tmc_vem.mesh.make.outline import Region
+from tmc_vem.mesh.make.triangles import triangle_mesh
+from tmc_vem.results.output import SnapshotWriter
+from tmc_vem.support.errors import InputError
+from tmc_vem.vem.spaces.element import ElementSettings
 
 SLOPE = np.array([[0.3, -0.2], [0.15, 0.4]])
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -110,7 +110,7 @@ def test_a_run_writes_both_and_gives_both_to_pyvista(tmp_path: Path) -> None:
 
 
 def test_what_pyvista_saves_is_read_as_a_mesh(tmp_path: Path) -> None:
-    from tmc_vem.mesh.io import read_mesh
+    from tmc_vem.mesh.files.io import read_mesh
 
     result = run(Box(cells=(20, 5), uy=-0.01), tmp_path / "run", RunOptions(steps=1, snapshots=1))
     result.to_pyvista().save(tmp_path / "saved.vtk")

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import pyvista
 
-from tmc_vem.fields import Fields, Polygons, write_pvtu
-from tmc_vem.units import Units
-from tmc_vem.vtu import BLOCK, VtuWriter
+from tmc_vem.results.vtu import BLOCK, VtuWriter
+from tmc_vem.support.units import Units
+from tmc_vem.system.fields import Fields, Polygons, write_pvtu
 
 
 def fields(sizes: list[int]) -> Fields:

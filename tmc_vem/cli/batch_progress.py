@@ -8,8 +8,8 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from tmc_vem.batch import Observer, Outcome
 from tmc_vem.report.tables import reached
+from tmc_vem.study.batch import Observer, Outcome
 
 
 class BatchMonitor(Observer):

@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from tmc_vem.cli.run import angle_medium_options, chosen_medium, medium_options
-from tmc_vem.errors import InputError, TmcError
+from tmc_vem.support.errors import InputError, TmcError
 
 FACTORS, QUICK_FACTORS = (1, 2, 4), (1, 2, 3)
 
@@ -88,7 +88,7 @@ def box(uy: float, factors: tuple[int, ...], out: Path, jobs: int, quick: bool, 
       tmc-vem compare box --gamma 1e-4 --factor 2 --factor 4 --factor 8
       tmc-vem compare box --quick --regulariser my_reg.py:f --param kappa=0.1
     """
-    from tmc_vem.compare import box_study
+    from tmc_vem.study.compare import box_study
 
     _compare(box_study(chosen_medium(options), uy, _factors(factors, quick), _methods(options)), out, jobs)
 
@@ -105,7 +105,7 @@ def cbox(uy: float, factors: tuple[int, ...], out: Path, jobs: int, quick: bool,
     \b
       tmc-vem compare cbox --quick
     """
-    from tmc_vem.compare import cbox_study
+    from tmc_vem.study.compare import cbox_study
 
     _compare(cbox_study(chosen_medium(options), uy, _factors(factors, quick), _methods(options)), out, jobs)
 
@@ -125,8 +125,8 @@ def punch(
     \b
       tmc-vem compare punch --quick
     """
-    from tmc_vem.compare import voronoi_study
     from tmc_vem.problems import Punch
+    from tmc_vem.study.compare import voronoi_study
 
     medium = chosen_medium(options)
     chosen = _three("--size", sizes) or ((0.25, 0.2, 0.15) if quick else (0.2, 0.14, 0.1))
@@ -149,8 +149,8 @@ def bodies(uy: float, case: int, sizes: tuple[float, ...], out: Path, jobs: int,
     \b
       tmc-vem compare bodies --quick
     """
-    from tmc_vem.compare import voronoi_study
     from tmc_vem.problems import Bodies
+    from tmc_vem.study.compare import voronoi_study
 
     medium = chosen_medium(options)
     chosen = _three("--size", sizes) or ((0.15, 0.125, 0.1) if quick else (0.12, 0.085, 0.06))
@@ -172,9 +172,9 @@ def _three(option: str, given: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def _methods(options: dict[str, Any]) -> dict[str, Any]:
-    from tmc_vem.fem.settings import FemSettings
-    from tmc_vem.simulation import RunOptions
-    from tmc_vem.vem.element import ElementSettings
+    from tmc_vem.simulation.simulation import RunOptions
+    from tmc_vem.system.fem_settings import FemSettings
+    from tmc_vem.vem.spaces.element import ElementSettings
 
     order, steps = options["order"], options["steps"]
     fem = FemSettings(order=order, interior_penalty=options["interior_penalty"])
@@ -186,7 +186,7 @@ def _methods(options: dict[str, Any]) -> dict[str, Any]:
 
 def _compare(study: Any, out: Path, jobs: int) -> None:
     from tmc_vem.cli.batch_progress import BatchMonitor
-    from tmc_vem.compare import compare
+    from tmc_vem.study.compare import compare
 
     require_one_process()
     monitor = BatchMonitor()

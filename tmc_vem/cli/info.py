@@ -26,7 +26,7 @@ def info() -> None:
 
     from codegen.build import cache_directory, compiler
     from codegen.errors import CodegenError
-    from tmc_vem.provenance import versions
+    from tmc_vem.simulation.provenance import versions
 
     if MPI.COMM_WORLD.rank:
         return

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import click
 
-from tmc_vem.errors import InputError
-from tmc_vem.results import RunResult
-from tmc_vem.validation import printable
+from tmc_vem.results.records import RunResult
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.validation import printable
 
 # longer values make no column
 WIDEST = 24
@@ -39,7 +39,7 @@ def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from tmc_vem.cli.tables import plain
+    from tmc_vem.cli.columns import plain
     from tmc_vem.report.overview import find_runs
     from tmc_vem.report.tables import count, differing, number, reached, runs_csv
 

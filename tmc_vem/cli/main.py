@@ -72,8 +72,8 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _run(arguments: list[str] | None) -> int:
-    from tmc_vem.notes import heard_by
-    from tmc_vem.validation import printable
+    from tmc_vem.support.notes import heard_by
+    from tmc_vem.support.validation import printable
 
     said: set[str] = set()
 
@@ -88,7 +88,7 @@ def _run(arguments: list[str] | None) -> int:
 
 def _exit_code(arguments: list[str] | None) -> int:
     from codegen.errors import CodegenError
-    from tmc_vem.errors import TmcError
+    from tmc_vem.support.errors import TmcError
 
     try:
         code: Any = cli.main(arguments, prog_name="tmc-vem", standalone_mode=False)
@@ -106,7 +106,7 @@ def _exit_code(arguments: list[str] | None) -> int:
         if _mpi_runs() and _ranks() > 1:
             from mpi4py import MPI
 
-            from tmc_vem.parallel import leave_together
+            from tmc_vem.support.parallel import leave_together
 
             leave_together(MPI.COMM_WORLD, error.exit_code)
         return error.exit_code
@@ -138,7 +138,7 @@ def _abort_all() -> None:
 
 def _report(message: str, code: int) -> int:
     if _rank() == 0:
-        from tmc_vem.validation import printable
+        from tmc_vem.support.validation import printable
 
         click.echo(f"tmc-vem: {printable(message)}", err=True)  # what a user typed may hold line breaks and worse
     return code

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from tmc_vem.errors import InputError
+from tmc_vem.support.errors import InputError
 
 FILE = click.Path(path_type=Path)
 
@@ -52,11 +52,11 @@ def rectangle(
     """
     import numpy as np
 
-    from tmc_vem.mesh.budget import QUADRILATERALS, check_size
-    from tmc_vem.mesh.outline import Region
+    from tmc_vem.mesh.make.cell_count import QUADRILATERALS, check_size
+    from tmc_vem.mesh.make.outline import Region
+    from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
     from tmc_vem.mesh.parts import with_names
-    from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
-    from tmc_vem.validation import require_positive
+    from tmc_vem.support.validation import require_positive
 
     for name, value in (("--width", width), ("--height", height), ("--size", size)):
         require_positive(name, value, "a length")
@@ -66,11 +66,11 @@ def rectangle(
         x, y = (np.linspace(0.0, extent, max(1, round(extent / size)) + 1) for extent in (width, height))
         mesh = structured_quadrilaterals(x, y, [Rectangle("domain", 0.0, width, 0.0, height)])
     elif kind == "triangles":
-        from tmc_vem.mesh.triangles import triangle_mesh
+        from tmc_vem.mesh.make.triangles import triangle_mesh
 
         mesh = triangle_mesh([Region("domain", [a, b, c, d])], size)
     else:
-        from tmc_vem.mesh.voronoi import voronoi_mesh
+        from tmc_vem.mesh.make.voronoi import voronoi_mesh
 
         region = Region("domain", [a, b, c, d])
         mesh = voronoi_mesh([region], size, relaxation=relaxation, shortest=shortest, seed=seed)
@@ -145,7 +145,7 @@ def info(file: Path, order: int, region_data: str | None, cracks: str) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from tmc_vem.mesh.io import read_mesh
+    from tmc_vem.mesh.files.io import read_mesh
 
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
@@ -167,10 +167,10 @@ def info(file: Path, order: int, region_data: str | None, cracks: str) -> None:
 def check(file: Path, fix: Path | None, tolerance: float | None, region_data: str | None, cracks: str) -> int:
     """Name everything that is wrong with a mesh; exit code 1 if anything is (and --fix cannot repair it)."""
     from tmc_vem.mesh.check import find_faults, repair, summaries
-    from tmc_vem.mesh.io import read_mesh, write_mesh
+    from tmc_vem.mesh.files.io import read_mesh, write_mesh
 
     if tolerance is not None:
-        from tmc_vem.validation import require_within
+        from tmc_vem.support.validation import require_within
 
         if fix is None:
             raise InputError(f"--tolerance {tolerance:g} is for --fix: give a file to write")
@@ -204,7 +204,7 @@ def _printable(line: str) -> str:
 @_reading
 def plot(file: Path, out: Path, numbers: bool, region_data: str | None, cracks: str) -> None:
     """Draw a mesh, coloured by region, with named points and edges."""
-    from tmc_vem.mesh.io import read_mesh
+    from tmc_vem.mesh.files.io import read_mesh
     from tmc_vem.report.mesh_figure import draw_mesh
 
     if out.suffix.lower() not in (".png", ".pdf", ".svg"):
@@ -218,7 +218,7 @@ def describe(mesh: Any, order: int) -> list[tuple[str, str]]:
     import numpy as np
 
     from tmc_vem.mesh.quality import measure
-    from tmc_vem.vem.element import ElementSettings, build_elements
+    from tmc_vem.vem.spaces.element import ElementSettings, build_elements
 
     quality = measure(mesh)
     settings = ElementSettings(order=order)
@@ -265,7 +265,7 @@ def describe(mesh: Any, order: int) -> list[tuple[str, str]]:
 
 
 def _write(mesh: Any, out: Path) -> None:
-    from tmc_vem.mesh.io import write_mesh
+    from tmc_vem.mesh.files.io import write_mesh
 
     write_mesh(mesh, out)
     click.echo(f"{mesh.n_cells} cells, {mesh.n_vertices} vertices written to {out}")

@@ -10,12 +10,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from tmc_vem.cli.tables import names_and_values, plain
-from tmc_vem.monitor import Monitor
-from tmc_vem.probes import GAP
+from tmc_vem.cli.columns import names_and_values, plain
 from tmc_vem.problems.base import Problem
+from tmc_vem.problems.probes import GAP
 from tmc_vem.report.tables import reached
-from tmc_vem.results import RunResult, StepRecord
+from tmc_vem.results.records import RunResult, StepRecord
+from tmc_vem.simulation.monitor import Monitor
 
 SILENCE = 20.0  # seconds without a line
 

@@ -9,9 +9,9 @@ from typing import Any
 import click
 
 from tmc_vem.cli.run import RESUME, run_group
-from tmc_vem.errors import InputError
-from tmc_vem.lock import is_held
-from tmc_vem.unfinished import COMMAND, how_to_go_on
+from tmc_vem.results.lock import is_held
+from tmc_vem.results.unfinished import COMMAND, how_to_go_on
+from tmc_vem.support.errors import InputError
 
 
 @click.command("resume")

@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from tmc_vem.cli.run_file import RunGroup
-from tmc_vem.errors import InputError
+from tmc_vem.support.errors import InputError
 
 PROGRAM = "tmc-vem"
 RESUME = "tmc_vem.resume"  # key in a context's meta: the run goes on from its checkpoint
@@ -257,7 +257,7 @@ def bodies(case: int, size: float, discs: int, gap0: float, uy: float, **options
 
 def _with_cells(problem: Any, options: dict[str, Any]) -> Any:
     """A problem of Voronoi cells on cells that the method can use, as in ``tmc-vem compare``."""
-    from tmc_vem.triangulated import Triangulated
+    from tmc_vem.simulation.triangulated import Triangulated
 
     return Triangulated(problem, problem.size) if options["method"] == "fem" else problem
 
@@ -269,7 +269,7 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
         InputError, CodegenError: bad input.
         ConvergenceError: the full load was not reached; what converged is in the run directory.
     """
-    from tmc_vem.simulation import RunOptions
+    from tmc_vem.simulation.simulation import RunOptions
 
     problem = make_problem(chosen_medium(options))
     settings = RunOptions(
@@ -321,11 +321,11 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
     from mpi4py import MPI
 
     from tmc_vem.cli.progress import ConsoleMonitor, print_summary
-    from tmc_vem.errors import ConvergenceError
-    from tmc_vem.monitor import Monitor
     from tmc_vem.report.tables import stopped
-    from tmc_vem.simulation import run
-    from tmc_vem.unfinished import how_to_go_on
+    from tmc_vem.results.unfinished import how_to_go_on
+    from tmc_vem.simulation.monitor import Monitor
+    from tmc_vem.simulation.simulation import run
+    from tmc_vem.support.errors import ConvergenceError
 
     silent = options["quiet"] or options["as_json"]
     on_root = MPI.COMM_WORLD.rank == 0
@@ -362,8 +362,8 @@ def method_settings(options: dict[str, Any]) -> dict[str, Any]:
     Raises:
         InputError: a value is out of range, or an option belongs to the other method.
     """
-    from tmc_vem.fem.settings import FemSettings
-    from tmc_vem.vem.element import ElementSettings
+    from tmc_vem.system.fem_settings import FemSettings
+    from tmc_vem.vem.spaces.element import ElementSettings
 
     if options["method"] == "fem":
         if options["degree"] is not None:

@@ -37,7 +37,7 @@ def problem_command(path: str) -> click.Command:
 
     def run(**options: Any) -> None:
         from tmc_vem.cli.run import execute
-        from tmc_vem.problem_file import read_problem
+        from tmc_vem.simulation.problem_file import read_problem
 
         problem, settings = read_problem(path)
         given = {name: options[name] for name in DECIDED if options[name] is not None}

@@ -9,8 +9,8 @@ from typing import Any
 from tmc_vem.energy import densities
 from tmc_vem.energy import kinematics as kin
 from tmc_vem.energy.declare import declare, declared
-from tmc_vem.errors import InputError
-from tmc_vem.validation import require_choice
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.validation import require_choice
 
 _PASSED_ON = ("objective", "stress_free", "max_rotation")  # what is true of a regulariser is true of its medium
 

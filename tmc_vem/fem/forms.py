@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.energy import Energy
-from tmc_vem.errors import InputError
 from tmc_vem.fem import compat
 from tmc_vem.fem.maths import ufl_namespace
 from tmc_vem.fem.mesh import FemMesh
-from tmc_vem.fem.settings import FemSettings
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.fem_settings import FemSettings
 
 _AXES = (0, 1)
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.errors import InputError, TmcError
 from tmc_vem.fem import compat
-from tmc_vem.fem.triangles import split_quadrilaterals
 from tmc_vem.mesh.geometry import areas
+from tmc_vem.mesh.make.split import split_quadrilaterals
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.support.errors import InputError, TmcError
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

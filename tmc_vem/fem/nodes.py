@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import Prescribed, is_called
-from tmc_vem.errors import InputError
 from tmc_vem.fem import compat
 from tmc_vem.fem.mesh import FemMesh
-from tmc_vem.fields import Polygons
 from tmc_vem.mesh.geometry import areas
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.constraints import Prescribed, is_called
+from tmc_vem.system.fields import Polygons
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

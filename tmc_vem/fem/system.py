@@ -12,22 +12,22 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from tmc_vem.constraints import Prescribed
 from tmc_vem.energy import Energy
-from tmc_vem.errors import InputError
 from tmc_vem.fem import compat
 from tmc_vem.fem.forms import RegionDensity, make_forms
-from tmc_vem.fem.locate import locate
 from tmc_vem.fem.maths import numpy_namespace
 from tmc_vem.fem.mesh import distribute
 from tmc_vem.fem.nodes import Nodes
+from tmc_vem.fem.point_evaluation import locate
 from tmc_vem.fem.points import QuadraturePoints, jacobian, largest_step
-from tmc_vem.fem.settings import FemSettings
-from tmc_vem.fields import Polygons
 from tmc_vem.mesh.locate import TOLERANCE
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.places import Located
-from tmc_vem.solve.protocol import Evaluation, RegionValues
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.discretisation import Evaluation, RegionValues
+from tmc_vem.system.fem_settings import FemSettings
+from tmc_vem.system.fields import Polygons
+from tmc_vem.system.places import Located
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.between import NEAR, Outline, gaps, near_vertices, overlaps, shapes_of, slits, t_junctions
 from tmc_vem.mesh.faults import (
     SHORT,
@@ -25,8 +24,9 @@ from tmc_vem.mesh.faults import (
     too_short,
 )  # fmt: skip
 from tmc_vem.mesh.geometry import areas
+from tmc_vem.mesh.make.weld import weld
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.mesh.weld import weld
+from tmc_vem.support.errors import InputError
 
 __all__ = ["Fault", "find_faults", "repair", "summaries"]
 

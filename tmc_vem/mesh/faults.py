@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.geometry import areas, diameters
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.validate import check_polygons
+from tmc_vem.support.errors import InputError
 
 # Vertices closer than this fraction of the mesh's extent are at the same place; rounding moves them less.
 COINCIDE = 1e-9

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.support.errors import InputError
 
 Int = NDArray[np.int64]
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
 
-from tmc_vem.constraints import Prescribed
 from tmc_vem.energy import Energy, Regulariser, hyperelastic_solid, third_medium
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.probes import Probe
+from tmc_vem.problems.probes import Probe
 from tmc_vem.problems.regularisers import RegulariserLike, resolve_regulariser
-from tmc_vem.units import Units
-from tmc_vem.validation import check_fields, require_choice, require_positive
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.units import Units
+from tmc_vem.support.validation import check_fields, require_choice, require_positive
+from tmc_vem.system.constraints import Prescribed
 
 HOLDS = ("medium",)
 

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import Prescribed
-from tmc_vem.errors import InputError
-from tmc_vem.mesh.outline import Arc, Region
+from tmc_vem.mesh.make.outline import Arc, Region
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.probes import GAP, Gap, Probe
 from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, solid_region
 from tmc_vem.problems.cbox import angle_medium
-from tmc_vem.units import Units
-from tmc_vem.validation import check_fields, require_finite, require_positive
+from tmc_vem.problems.probes import GAP, Gap, Probe
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.units import Units
+from tmc_vem.support.validation import check_fields, require_finite, require_positive
+from tmc_vem.system.constraints import Prescribed
 
 Float = NDArray[np.float64]
 
@@ -98,7 +98,7 @@ class Bodies:
     def make_mesh(self) -> PolygonMesh:
         """Polygons; named edges left and right (ends of the beam), upper and lower (flat sides of the half discs);
         named points tip and surface (first half disc and the beam below it), right_corner."""
-        from tmc_vem.mesh.voronoi import voronoi_mesh
+        from tmc_vem.mesh.make.voronoi import voronoi_mesh
 
         length, r, t = self.length, self.radius, self.thickness
         high, low = t + self.gap0 + r, -self.gap0 - r

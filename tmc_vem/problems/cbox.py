@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from tmc_vem.constraints import Prescribed
-from tmc_vem.errors import InputError
-from tmc_vem.mesh.budget import check_refined
+from tmc_vem.mesh.make.cell_count import check_refined
+from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
+from tmc_vem.mesh.make.weld import weld
 from tmc_vem.mesh.parts import submesh, with_names
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.mesh.structured import Rectangle, structured_quadrilaterals
-from tmc_vem.mesh.weld import weld
-from tmc_vem.probes import GAP, Gap, Probe
 from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, solid_region
-from tmc_vem.units import Units
-from tmc_vem.validation import check_fields, require_choice, require_finite, require_positive
+from tmc_vem.problems.probes import GAP, Gap, Probe
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.units import Units
+from tmc_vem.support.validation import check_fields, require_choice, require_finite, require_positive
+from tmc_vem.system.constraints import Prescribed
 
 SOLID_CELLS = ("quadrilaterals", "polygons")
 
@@ -160,8 +160,8 @@ class CBox:
         return submesh(mesh, mesh.region_c == mesh.region_names.index("solid"))
 
     def _polygonal_solid(self) -> PolygonMesh:
-        from tmc_vem.mesh.outline import Region
-        from tmc_vem.mesh.voronoi import voronoi_mesh
+        from tmc_vem.mesh.make.outline import Region
+        from tmc_vem.mesh.make.voronoi import voronoi_mesh
 
         length, height, t = self.length, self.height, self.wall
         outline = [(0, 0), (length, 0), (length, t), (t, t), (t, height - t), (length, height - t), (length, height),

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import COMPONENTS, Prescribed, is_called
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.rigid import FreePart, free_parts
 from tmc_vem.problems.base import RegionEnergy
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.constraints import COMPONENTS, Prescribed, is_called
 
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from tmc_vem.constraints import COMPONENTS, Prescribed
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.probes import Gap, Place, Probe
 from tmc_vem.problems.base import Problem, RegionEnergy
 from tmc_vem.problems.conditions import check_conditions, check_shared, require_cells, require_held
 from tmc_vem.problems.hints import cause_at, hints, likely
+from tmc_vem.problems.probes import Gap, Place, Probe
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.constraints import COMPONENTS, Prescribed
 
 # Ratios K / mu above which elements lock a little, and which are hardly meant: Poisson's ratio is 0.4995 and 0.4999995.
 STIFF, ABSURD = 1e3, 1e6

@@ -16,12 +16,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import Prescribed
 from tmc_vem.mesh.interface import Interface, bodies, free_chains, interface, solid_angles
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.rigid import without_rounding
 from tmc_vem.problems.base import RegionEnergy
 from tmc_vem.problems.conditions import held_components, vertices_at
+from tmc_vem.system.constraints import Prescribed
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

@@ -13,20 +13,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import COMPONENTS, Prescribed, is_called
 from tmc_vem.energy import Energy
-from tmc_vem.errors import InputError
-from tmc_vem.mesh.far import moved, near, origin_for
 from tmc_vem.mesh.files.regions import REST
+from tmc_vem.mesh.make.far import moved, near, origin_for
+from tmc_vem.mesh.make.shapes import combine
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.mesh.shapes import combine
-from tmc_vem.probes import GAP, Gap, Place, Probe, check_probes
 from tmc_vem.problems.base import Medium, RegionEnergy, medium_region, solid_region
 from tmc_vem.problems.conditions import check_conditions
+from tmc_vem.problems.description import ConditionTable, EdgesTable, MediumTable, ProblemTable
+from tmc_vem.problems.probes import GAP, Gap, Place, Probe, check_probes
 from tmc_vem.problems.regularisers import require_traceable
-from tmc_vem.problems.tables import ConditionTable, EdgesTable, MediumTable, ProblemTable
-from tmc_vem.units import Units
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.units import Units
+from tmc_vem.system.constraints import COMPONENTS, Prescribed, is_called
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -227,7 +227,7 @@ class OwnProblem:
         return path
 
     def _from_file(self) -> PolygonMesh:
-        from tmc_vem.mesh.io import read_mesh
+        from tmc_vem.mesh.files.io import read_mesh
 
         path, table = self._mesh_file, self.table.mesh
         mesh = read_mesh(path, names=table.names, region_data=table.region_data, cracks=table.cracks)
@@ -272,8 +272,8 @@ class OwnProblem:
         return combine(shapes, {name: region.shape or "" for name, region in self.table.regions.items()})
 
     def _from_shapes(self) -> PolygonMesh:
-        from tmc_vem.mesh.triangles import triangle_mesh
-        from tmc_vem.mesh.voronoi import voronoi_mesh
+        from tmc_vem.mesh.make.triangles import triangle_mesh
+        from tmc_vem.mesh.make.voronoi import voronoi_mesh
 
         table, origin = self.table.mesh, self._origin
         points = {name: place if origin is None else near(place, origin) for name, place in self.table.points.items()}

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import Prescribed
-from tmc_vem.errors import InputError
-from tmc_vem.mesh.outline import Arc, Region
+from tmc_vem.mesh.make.outline import Arc, Region
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.probes import GAP, Gap, Probe
 from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, solid_region
 from tmc_vem.problems.cbox import angle_medium
-from tmc_vem.units import Units
-from tmc_vem.validation import check_fields, require_finite, require_positive
+from tmc_vem.problems.probes import GAP, Gap, Probe
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.units import Units
+from tmc_vem.support.validation import check_fields, require_finite, require_positive
+from tmc_vem.system.constraints import Prescribed
 
 Float = NDArray[np.float64]
 
@@ -89,7 +89,7 @@ class Punch:
 
     def make_mesh(self) -> PolygonMesh:
         """Polygons; named points tip and surface; named edges top (of the punch), bottom and axis."""
-        from tmc_vem.mesh.voronoi import voronoi_mesh
+        from tmc_vem.mesh.make.voronoi import voronoi_mesh
 
         w, h, r, top = self.width, self.height, self.radius, self.top
         regions = [

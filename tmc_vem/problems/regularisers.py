@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from tmc_vem.energy import Regulariser, get_regulariser
-from tmc_vem.errors import InputError
+from tmc_vem.support.errors import InputError
 
 RegulariserLike = str | Regulariser | Callable[[Any, Any, Any, Any], Any]
 

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tmc_vem.constraints import Prescribed
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.probes import Probe, as_plain
 from tmc_vem.problems.base import Problem, RegionEnergy
-from tmc_vem.units import Units
+from tmc_vem.problems.probes import Probe, as_plain
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.units import Units
+from tmc_vem.system.constraints import Prescribed
 
 
 @dataclass(frozen=True)

@@ -112,7 +112,7 @@ class Canvas:
         """
         from PIL import Image
 
-        from tmc_vem.files import whole_file
+        from tmc_vem.support.files import whole_file
 
         pixels = np.ascontiguousarray(self._pixels[..., :3])
         with whole_file(path, durable=False) as temporary:

@@ -6,15 +6,15 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from tmc_vem.errors import InputError
-from tmc_vem.fields import is_medium
-from tmc_vem.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of, overlap
-from tmc_vem.report.contact import check_contact
 from tmc_vem.report.page import Warnings
-from tmc_vem.report.snapshots import read_fields, snapshots
 from tmc_vem.report.tables import stopped
-from tmc_vem.results import RunResult
-from tmc_vem.unfinished import RUNNING, how_to_go_on
+from tmc_vem.results.contact.contact import check_contact
+from tmc_vem.results.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of, overlap
+from tmc_vem.results.records import RunResult
+from tmc_vem.results.snapshots import read_fields, snapshots
+from tmc_vem.results.unfinished import RUNNING, how_to_go_on
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.fields import is_medium
 
 
 def listed(findings: Iterable[Finding]) -> Warnings:

@@ -6,16 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from tmc_vem.errors import InputError
-from tmc_vem.fields import Fields, is_medium
-from tmc_vem.plausibility import WARNING, Finding
 from tmc_vem.report import cautions, plots, tables
 from tmc_vem.report.page import Block, Cell, Page, Picture, Section, Table, Text, picture
 from tmc_vem.report.panels import draw_panels
 from tmc_vem.report.richardson import Extrapolation
-from tmc_vem.report.snapshots import nearest, read_fields, snapshots
 from tmc_vem.report.tables import full_energy, full_gap, number, percent, relative
-from tmc_vem.results import RunResult
+from tmc_vem.results.plausibility import WARNING, Finding
+from tmc_vem.results.records import RunResult
+from tmc_vem.results.snapshots import nearest, read_fields, snapshots
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.fields import Fields, is_medium
 
 DIFFERENT_MEDIA = 0.1  # relative difference of the medium's energies above which a report warns
 NOT_CONVERGED = 0.02  # relative uncertainty of a mesh-converged value above which a report warns

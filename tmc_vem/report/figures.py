@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.fields import Fields, Polygons
 from tmc_vem.report.canvas import Box, Canvas, loops, polylines, rectangle
-from tmc_vem.report.solids import same_points
+from tmc_vem.results.contact.solids import same_points
+from tmc_vem.system.fields import Fields, Polygons
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tmc_vem.validation import printable
+from tmc_vem.support.validation import printable
 
 
 def label(text: str) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from tmc_vem.errors import InputError
-from tmc_vem.results import MARKS, RunResult
+from tmc_vem.results.records import MARKS, RunResult
+from tmc_vem.support.errors import InputError
 
 
 def find_runs(directory: Path) -> tuple[dict[str, RunResult], list[str]]:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.fields import Fields
 from tmc_vem.report.figures import COLOURS, outline
+from tmc_vem.system.fields import Fields
 
 Float = NDArray[np.float64]
 FOOT, TITLE, MARGIN, HIGHEST = 0.9, 0.35, 0.2, 7.0  # inches: colour scale, titles, around panels, panels at most

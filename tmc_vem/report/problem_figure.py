@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.constraints import Prescribed
-from tmc_vem.fields import is_medium
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.probes import Gap, Place, Probe
+from tmc_vem.problems.probes import Gap, Place, Probe
 from tmc_vem.report.figures import outline
 from tmc_vem.report.labels import label
 from tmc_vem.report.panels import WIDE
+from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.fields import is_medium
 
 SOLIDS = ("#c9d3dc", "#aebccb", "#dcd2c4")
 MEDIUM_COLOUR = "#eaf3fb"

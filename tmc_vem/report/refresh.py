@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 
-from tmc_vem.errors import InputError
 from tmc_vem.report.page import Page, Section, Table, Text
 from tmc_vem.report.write import to_markdown
+from tmc_vem.support.errors import InputError
 
 BLOCK = re.compile(r"(<!-- numbers: (?P<name>[\w-]+) -->\n).*?(\n<!-- end of numbers -->)", re.S)
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tmc_vem.errors import InputError
+from tmc_vem.support.errors import InputError
 
 SAFETY = 1.25  # Roache's factor for three meshes with an observed order
 CAUTION = 3.0  # his factor where the order cannot be trusted

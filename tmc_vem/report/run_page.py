@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from tmc_vem.errors import InputError
 from tmc_vem.report import cautions, plots, tables
 from tmc_vem.report.page import Block, Page, Section, Table, Text, picture
 from tmc_vem.report.panels import draw_panels
-from tmc_vem.report.snapshots import nearest, read_fields, record_of, snapshots
-from tmc_vem.results import RunResult
+from tmc_vem.results.records import RunResult
+from tmc_vem.results.snapshots import nearest, read_fields, record_of, snapshots
+from tmc_vem.support.errors import InputError
 
 
 def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4) -> Page:

@@ -7,12 +7,12 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tmc_vem.energy_balance import energy_balance
-from tmc_vem.plausibility import differing_parameters
-from tmc_vem.probes import GAP
+from tmc_vem.problems.probes import GAP
 from tmc_vem.report.page import Cell, Table
-from tmc_vem.results import RunResult
-from tmc_vem.unfinished import UNKNOWN
+from tmc_vem.results.energy_balance import energy_balance
+from tmc_vem.results.plausibility import differing_parameters
+from tmc_vem.results.records import RunResult
+from tmc_vem.results.unfinished import UNKNOWN
 
 Runs = Mapping[str, RunResult]
 REGULARISER = "energy, regulariser"

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-from tmc_vem.files import write_atomically
 from tmc_vem.report.page import Page
+from tmc_vem.support.files import write_atomically
 
 FIGURES = "figures"
 

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from tmc_vem.errors import InputError
 from tmc_vem.solve.budget import OutOfBudget
 from tmc_vem.solve.newton import TO_THE_BOUNDARY, Iteration, NewtonResult, NewtonSolver
 from tmc_vem.solve.path import Control
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import Position, Step, SteppingResult
+from tmc_vem.support.errors import InputError
 
 # A residual that grows by this factor in one correction is on its way to nowhere.
 DIVERGED = 1e3

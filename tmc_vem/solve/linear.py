@@ -15,8 +15,8 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from tmc_vem.errors import InputError
 from tmc_vem.solve.factor import FactorState, factor_state, factorise
+from tmc_vem.support.errors import InputError
 
 PREFIX = "tmc_"
 DIRECT = "direct"

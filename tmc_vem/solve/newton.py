@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from tmc_vem.solve.linear import DIRECT, LinearSolver
-from tmc_vem.solve.protocol import Admission, Evaluation, NonlinearSystem
-from tmc_vem.timing import Timer
+from tmc_vem.support.timing import Timer
+from tmc_vem.system.discretisation import Admission, Evaluation, NonlinearSystem
 
 # Fraction of the largest admissible step that is taken at most (fraction-to-the-boundary rule).
 TO_THE_BOUNDARY = 0.9

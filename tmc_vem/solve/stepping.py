@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from tmc_vem.errors import EvaluationError, InputError
 from tmc_vem.solve.budget import OutOfBudget
 from tmc_vem.solve.newton import NewtonResult, NewtonSolver
 from tmc_vem.solve.path import Control, ControlPath, load_path
-from tmc_vem.solve.protocol import Evaluation
 from tmc_vem.solve.states import ORDER, States
+from tmc_vem.support.errors import EvaluationError, InputError
+from tmc_vem.system.discretisation import Evaluation
 
 DONE = 1e-12
 JUMP = 100.0  # way over which a new branch is looked for where the old one ends, in units of the smallest step

@@ -12,13 +12,13 @@ from codegen.batch import CellBatch
 from codegen.kernel import Kernel
 from codegen.packs import Packs
 from codegen.potential import degree_of, potential_of_gradient
-from tmc_vem.mesh.distribute import DistributedMesh
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.vem import monomials
+from tmc_vem.mesh.spread.distribute import DistributedMesh
 from tmc_vem.vem.dofmap import DofMap
-from tmc_vem.vem.element import ElementGroup
-from tmc_vem.vem.projector import n_translated_dofs
-from tmc_vem.vem.spaces import Gradients
+from tmc_vem.vem.spaces import monomials
+from tmc_vem.vem.spaces.element import ElementGroup
+from tmc_vem.vem.spaces.projector import n_translated_dofs
+from tmc_vem.vem.spaces.spaces import Gradients
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tmc_vem.mesh.geometry import centroids, diameters, triangle_lattice
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.vem.blocks import Block
-from tmc_vem.vem.quadrature import sub_triangles
+from tmc_vem.vem.spaces.quadrature import sub_triangles
 
 Float = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """Numbering of the degrees of freedom of the virtual element space over all ranks, through DMPlex's section.
 
 A node carries both displacement components. Nodes of a cell come in the order of the scalar degrees of freedom in
-:mod:`tmc_vem.vem.projector`: vertices, points of the sides in the cell's direction, moments.
+:mod:`tmc_vem.vem.spaces.projector`: vertices, points of the sides in the cell's direction, moments.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from tmc_vem.mesh.distribute import DistributedMesh
+from tmc_vem.mesh.spread.distribute import DistributedMesh
 
 Int = NDArray[np.int64]
 

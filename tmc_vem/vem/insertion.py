@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from codegen.batch import CellBatch, Tangents
-from tmc_vem.petsc_arrays import compressed_rows, in_place
+from tmc_vem.support.petsc_arrays import compressed_rows, in_place
 from tmc_vem.vem.blocks import CHUNK, Block
 
 Float = NDArray[np.float64]

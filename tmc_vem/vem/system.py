@@ -14,25 +14,25 @@ from petsc4py import PETSc
 
 from codegen.batch import Tangents
 from codegen.kernel import CellValues
-from tmc_vem.constraints import Prescribed, is_called
-from tmc_vem.errors import EvaluationError, InputError
-from tmc_vem.fields import Polygons
-from tmc_vem.memory import give_back, reuse_freed
-from tmc_vem.mesh.distribute import DistributedMesh
 from tmc_vem.mesh.geometry import centroids
 from tmc_vem.mesh.locate import TOLERANCE
-from tmc_vem.parallel import on_every_rank
-from tmc_vem.places import Located
-from tmc_vem.solve.protocol import Evaluation, RegionValues
+from tmc_vem.mesh.spread.distribute import DistributedMesh
+from tmc_vem.support.errors import EvaluationError, InputError
+from tmc_vem.support.memory import give_back, reuse_freed
+from tmc_vem.support.parallel import on_every_rank
+from tmc_vem.system.constraints import Prescribed, is_called
+from tmc_vem.system.discretisation import Evaluation, RegionValues
+from tmc_vem.system.fields import Polygons
+from tmc_vem.system.places import Located
 from tmc_vem.vem.blocks import CHUNK, RegionKernel, make_blocks
 from tmc_vem.vem.dense import smallest_jacobians
 from tmc_vem.vem.dofmap import DofMap
-from tmc_vem.vem.element import ElementSettings, element_groups
 from tmc_vem.vem.insertion import MatrixInsertion
-from tmc_vem.vem.locate import locate
 from tmc_vem.vem.pattern import serial_matrix
-from tmc_vem.vem.quadrature import gauss_lobatto
-from tmc_vem.vem.tables import points_and_values
+from tmc_vem.vem.point_weights import locate
+from tmc_vem.vem.spaces.element import ElementSettings, element_groups
+from tmc_vem.vem.spaces.quadrature import gauss_lobatto
+from tmc_vem.vem.spaces.tabulated import points_and_values
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

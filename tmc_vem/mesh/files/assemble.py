@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.files.record import Group, Reading, Record
 from tmc_vem.mesh.files.regions import regions_of
 from tmc_vem.mesh.geometry import areas
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.support.errors import InputError
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

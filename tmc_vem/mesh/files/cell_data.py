@@ -8,8 +8,8 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.files.record import Group, Record
+from tmc_vem.support.errors import InputError
 
 Int = NDArray[np.int64]
 Data = Mapping[str, NDArray[np.generic]]

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.files.inp_keywords import keywords_of
 from tmc_vem.mesh.files.inp_model import Instance, Model, Scope, SetOf, model_of, rank_of
 from tmc_vem.mesh.files.inp_types import element_type, is_axisymmetric
 from tmc_vem.mesh.files.record import Group, Reading, Record, refuse_kinds
+from tmc_vem.support.errors import InputError
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

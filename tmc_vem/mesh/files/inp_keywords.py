@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.files.text import lines_of
+from tmc_vem.support.errors import InputError
 
 OUTSIDE_QUOTES = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')
 DEEPEST = 10  # files that include each other

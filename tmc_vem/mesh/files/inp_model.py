@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.files.inp_keywords import Keyword
 from tmc_vem.mesh.files.inp_types import element_type
 from tmc_vem.mesh.files.record import DECLARED, IMPLIED, MATERIAL
+from tmc_vem.support.errors import InputError
 
 SECTIONS = ("SOLIDSECTION", "SHELLSECTION", "MEMBRANESECTION")
 GENERATING = ("NGEN", "NFILL", "ELGEN", "NCOPY", "ELCOPY", "NMAP", "SYSTEM", "SUBMODEL", "SUPERELEMENT")

@@ -9,8 +9,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.files.record import Reading, Record
+from tmc_vem.support.errors import InputError
 
 LONGEST = 600.0  # seconds that reading may take
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.files.record import Group, Reading, Record, refuse_kinds
+from tmc_vem.support.errors import InputError
 
 Int = NDArray[np.int64]
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.files.msh_tokens import Tokens, tokens_of
 from tmc_vem.mesh.files.record import Group, Reading, Record, refuse_kinds
+from tmc_vem.support.errors import InputError
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.errors import InputError
+from tmc_vem.support.errors import InputError
 
 
 @dataclass(frozen=True)

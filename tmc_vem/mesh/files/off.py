@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.files.record import Reading, Record
 from tmc_vem.mesh.files.text import lines_of, shown
+from tmc_vem.support.errors import InputError
 
 HEAD = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF( BINARY)?$")
 

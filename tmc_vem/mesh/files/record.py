@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.errors import InputError
+from tmc_vem.support.errors import InputError
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.files.cell_data import add_groups, unquoted
 from tmc_vem.mesh.files.netcdf import Variable, variables_of
 from tmc_vem.mesh.files.record import Group, Reading, Record
+from tmc_vem.support.errors import InputError
 
 Int = NDArray[np.int64]
 NONE = np.empty(0, dtype=np.int64)

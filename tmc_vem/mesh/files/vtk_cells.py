@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.files.cell_data import Data, add_groups
 from tmc_vem.mesh.files.record import Reading, Record, refuse_kinds
+from tmc_vem.support.errors import InputError
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

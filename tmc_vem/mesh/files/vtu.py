@@ -17,9 +17,9 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.files.record import Reading, Record
 from tmc_vem.mesh.files.vtk_cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, VtkCells, to_record
+from tmc_vem.support.errors import InputError
 
 Array = NDArray[np.generic]
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.errors import InputError
 from tmc_vem.mesh.files.cell_data import EDGES, ORDER, POINT, REGION, quoted
 from tmc_vem.mesh.files.obj import OWN
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.support.errors import InputError
 
 Int = NDArray[np.int64]
 

@@ -1,0 +1,1 @@
+"""Making meshes: of outlines, of other meshes, by Voronoi cells or gmsh."""

@@ -1,0 +1,154 @@
+"""How many cells a mesh would have, before it is made: a size that is a slip should not cost hours and all memory."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.mesh.make.outline import Curve, Region, Size, evaluate_size
+from tmc_vem.support.errors import InputError
+
+Float = NDArray[np.float64]
+
+# A million cells are about ten million degrees of freedom, and four minutes of meshing.
+MOST_CELLS = 1_000_000
+VARIABLE = "TMC_VEM_MOST_CELLS"
+# cells in a square whose side is the size of cells
+POLYGONS, QUADRILATERALS, TRIANGLES = 1.0, 1.0, 4.0 / np.sqrt(3.0)
+# Sizes of cells grow at most by this for each unit of distance.
+STEEPEST = 1.0
+_FIRST = 64  # boxes along each side that an estimate begins with
+_STATIONS = 401
+
+
+def most_cells() -> float:
+    """Cells that a mesh may have: MOST_CELLS, or what the environment says.
+
+    Raises:
+        InputError: that is no positive number.
+    """
+    text = os.environ.get(VARIABLE, "")
+    try:
+        limit = float(text) if text else float(MOST_CELLS)
+    except ValueError:
+        limit = np.nan
+    if not limit > 0.0:
+        raise InputError(f"{VARIABLE} = {text!r} in the environment must be a positive number, such as 2e6")
+    return limit
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Number of cells to some percent, or a lower bound of it, and the smallest size that was found."""
+
+    n_cells: float
+    smallest: float
+    at_least: bool = False
+
+
+def check_cells(n_cells: float, hint: str, *, at_least: bool = False) -> None:
+    """Check that a mesh would not have too many cells.
+
+    Args:
+        n_cells: estimate of how many it would have.
+        hint: why, and what to change, for the message.
+        at_least: it is a lower bound.
+
+    Raises:
+        InputError: they are more than :func:`most_cells`.
+    """
+    limit = most_cells()
+    if not n_cells <= limit:
+        allowed = "a larger number" if at_least else f"{1.2 * n_cells:.1e}"
+        raise InputError(
+            f"the mesh would have {'at least' if at_least else 'about'} {n_cells:.2g} cells, more than {limit:.3g}: "
+            f"{hint}. With time and memory for it, set {VARIABLE} to {allowed} in the environment"
+        )
+
+
+def check_refined(cells: tuple[int, int], part: float, refinement: int) -> None:
+    """Check a structured mesh of ``cells`` in x and y, a part of whose area has edges that are divided.
+
+    Raises:
+        InputError: it would have too many cells.
+    """
+    plain = math.prod(cells)
+    hint = f"{cells[0]} x {cells[1]} cells"
+    hint += f", divided by {refinement} x {refinement} in the medium" if refinement > 1 else ""
+    check_cells(plain * (1.0 + part * (refinement**2 - 1)), f"{hint}; use fewer")
+
+
+def check_size(regions: Sequence[Region], size: Size, density: float) -> None:
+    """Check that the cells of a size would not be too many.
+
+    Args:
+        regions: outlines.
+        size: of cells, a number or a function of points (n, 2) whose slope is STEEPEST at most.
+        density: cells in a square whose side is the size.
+
+    Raises:
+        InputError: they would be, or the size is not positive.
+    """
+    found = estimate(regions, size, density)
+    low, high = _bounds(regions)
+    what = f"size {found.smallest:.3g} on a domain of {high[0] - low[0]:.4g} x {high[1] - low[1]:.4g}"
+    if isinstance(size, (int, float)):
+        hint = f"cells of {what}; use a larger size"
+    else:
+        hint = f"cells down to {what}; use larger sizes, or small cells in fewer and smaller places"
+    check_cells(found.n_cells, hint, at_least=found.at_least)
+
+
+def estimate(regions: Sequence[Region], size: Size, density: float) -> Estimate:
+    """How many cells of a size regions have; see :func:`check_size`.
+
+    Where the size varies, the domain is cut into boxes until it hardly does within any. That ends at the largest number
+    of cells that is allowed, as every box that is still to be cut stands for one cell at least.
+    """
+    import shapely
+
+    # at least one cell for two edges along an outline, which two regions may share
+    along = 0.5 * sum(_along(curve, size) for region in regions for curve in region.curves())
+    polygons = [region.polygon() for region in regions]
+    if isinstance(size, (int, float)):
+        h = float(evaluate_size(size, np.zeros((1, 2)))[0])
+        return Estimate(max(density * sum(float(polygon.area) for polygon in polygons) / h / h, along), h)
+    domain = shapely.union_all(polygons)
+    shapely.prepare(domain)
+    low, high = _bounds(regions)
+    side = (high - low) / _FIRST
+    corners = np.stack(np.meshgrid(np.arange(_FIRST), np.arange(_FIRST)), axis=-1).reshape(-1, 2)
+    centers = low + (corners + 0.5) * side
+    quarters = np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]) / 4.0
+    total, smallest, limit, capped = 0.0, np.inf, most_cells(), False
+    while len(centers) and not capped:
+        reach = 0.5 * float(np.hypot(*side))
+        centers = centers[shapely.dwithin(domain, shapely.points(centers), reach)]
+        capped = len(centers) > max(limit, _FIRST**2)
+        h_c = evaluate_size(size, centers)
+        smallest = min(smallest, float(h_c.min(initial=np.inf)))
+        cut = (STEEPEST * reach > 0.5 * h_c) & (not capped)
+        counted = ~cut & shapely.contains_xy(domain, centers)
+        with np.errstate(over="ignore"):
+            total += float((side.prod() / h_c[counted] / h_c[counted]).sum())
+        centers = (centers[cut][:, None] + quarters * side).reshape(-1, 2)
+        side = side / 2.0
+    return Estimate(max(density * total, along), smallest, capped)
+
+
+def _along(curve: Curve, size: Size) -> float:
+    """Edges along a curve."""
+    h = evaluate_size(size, curve.at(np.linspace(0.0, 1.0, _STATIONS)))
+    with np.errstate(over="ignore"):
+        return float((0.5 * curve.length / h[1:] + 0.5 * curve.length / h[:-1]).mean())
+
+
+def _bounds(regions: Sequence[Region]) -> tuple[Float, Float]:
+    """Lower left and upper right corner."""
+    ends = np.concatenate([np.array(region.polygon().bounds).reshape(2, 2) for region in regions])
+    return ends.min(axis=0), ends.max(axis=0)

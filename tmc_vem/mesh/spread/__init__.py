@@ -1,0 +1,1 @@
+"""Spreading a mesh over the ranks."""

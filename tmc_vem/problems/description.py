@@ -1,0 +1,364 @@
+"""The tables of a problem file, as plain records; what can stand in a file is what stands here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tmc_vem.mesh.make.cell_count import STEEPEST
+from tmc_vem.mesh.make.far import near
+from tmc_vem.mesh.make.shapes import HUGE, Shape, disc, polygon, rectangle
+from tmc_vem.problems.base import Material, check_hold, chosen_weight
+from tmc_vem.problems.probes import GAP, Displacement, Gap, MeanJ, Place, Position, Probe, Reaction, check_name
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.units import Units
+from tmc_vem.support.validation import require_choice, require_finite, require_positive, require_within, shown
+from tmc_vem.system.constraints import COMPONENTS
+
+XY = tuple[float, float]
+CELLS = ("voronoi", "triangles", "quadrilaterals")
+CRACKS = ("join", "keep")
+
+
+@dataclass(frozen=True)
+class ShapeTable:
+    """A simple shape: one of ``rectangle``, ``polygon`` and ``disc``.
+
+    Attributes:
+        rectangle: x0, y0, x1, y1 of two opposite corners.
+        polygon: its corners in order.
+        disc: x, y of the centre, and the radius.
+        rounded: radius of the corners of a rectangle or polygon.
+    """
+
+    rectangle: tuple[float, float, float, float] | None = None
+    polygon: tuple[XY, ...] | None = None
+    disc: tuple[float, float, float] | None = None
+    rounded: float = 0.0
+
+    def shape(self) -> Shape:
+        """The shape.
+
+        Raises:
+            InputError: there is not exactly one, or it has no area.
+        """
+        given = [name for name in ("rectangle", "polygon", "disc") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise InputError(f"give one of rectangle, polygon and disc, not {' and '.join(given) or 'none'}")
+        if self.disc is not None:
+            if self.rounded:
+                raise InputError("'rounded' is for rectangles and polygons")
+            return disc(*self.disc)
+        if self.rectangle is not None:
+            return rectangle(*self.rectangle, self.rounded)
+        assert self.polygon is not None
+        return polygon(self.polygon, self.rounded)
+
+    def places(self) -> list[XY]:
+        """Points that lie about the shape."""
+        if self.disc is not None:
+            x, y, r = self.disc
+            return [(x - r, y - r), (x + r, y + r)]
+        if self.rectangle is not None:
+            return [self.rectangle[:2], self.rectangle[2:]]
+        return list(self.polygon or ())
+
+    def from_origin(self, origin: XY) -> ShapeTable:
+        """The same shape with coordinates from another origin on."""
+        return ShapeTable(
+            None if self.rectangle is None else (*near(self.rectangle[:2], origin), *near(self.rectangle[2:], origin)),
+            None if self.polygon is None else tuple(near(corner, origin) for corner in self.polygon),
+            None if self.disc is None else (*near(self.disc[:2], origin), self.disc[2]),
+            self.rounded,
+        )
+
+
+@dataclass(frozen=True)
+class RefineTable:
+    """Smaller cells in a part of the plane: near a point or a straight line.
+
+    Attributes:
+        near: a point x, y, or two points, the ends of a line.
+        size: of the cells there.
+        within: distance up to which cells have this size; beyond, it grows gradually to that of the mesh.
+    """
+
+    near: XY | tuple[XY, XY]
+    size: float
+    within: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_positive("size", self.size, "of the cells, a length")
+        require_finite("within", self.within, "a distance")
+        for value in np.ravel(np.asarray(self.near)).tolist():
+            require_within("near", value, -HUGE, HUGE)
+
+
+@dataclass(frozen=True)
+class MeshTable:
+    """Where the mesh comes from: a file, or shapes with a size of cells.
+
+    Attributes:
+        file: mesh file (.vtu, .msh, .inp, .mat, ...) or gmsh geometry (.geo), relative to the problem file.
+        names: for groups of the file, by their number or the name that they have there.
+        region_data: cell data of the file whose values are regions.
+        cracks: ``"keep"`` takes vertices of the file at the same place for cracks; ``"join"`` refuses them.
+        cells: kind of cells made from shapes.
+        size: of these cells (length).
+        refine: places with smaller cells.
+        growth: by how much cells grow for each unit of distance from such a place.
+    """
+
+    file: str | None = None
+    cells: str = "voronoi"
+    size: float | None = None
+    refine: tuple[RefineTable, ...] = ()
+    growth: float = 0.3
+    names: Mapping[str, str] = field(default_factory=dict)
+    region_data: str | None = None
+    cracks: str = "join"
+
+    def check_file(self) -> None:
+        """Check that nothing is asked for beside a file that only cells made from shapes have.
+
+        Raises:
+            InputError: something is; the message names both.
+        """
+        for name in ("size", "refine", "cells", "growth"):
+            value = getattr(self, name)
+            if self.file is not None and value != getattr(MeshTable, name, ()):
+                said = f"{name} = {shown(value)}" if name in ("size", "cells", "growth") else name
+                raise InputError(
+                    f"mesh: file = {shown(self.file)} and {said} do not go together: the file has its cells already, "
+                    f"so leave out {name}"
+                )
+
+    def __post_init__(self) -> None:
+        require_choice("cells", self.cells, CELLS)
+        require_choice("cracks", self.cracks, CRACKS)
+        if self.file is None and (self.names or self.region_data or self.cracks != "join"):
+            raise InputError("names, region_data and cracks are for a mesh file")
+        require_positive("growth", self.growth, "try 0.3")
+        require_within("growth", self.growth, 0.0, STEEPEST, "a cell is twice as large as its neighbour at 1; try 0.3")
+        if self.size is not None:
+            require_positive("size", self.size, "of the cells, a length")
+
+
+@dataclass(frozen=True)
+class MediumTable:
+    """Third medium (4): the attributes of :class:`tmc_vem.problems.base.Medium`, and the shear modulus it is scaled by.
+
+    Attributes:
+        gamma: stiffness relative to the solid.
+        alpha_r: weight of the regulariser, a modulus times a length squared; 1 if alpha is not given either.
+        alpha: the same without dimension, alpha_r = alpha mu h^2; instead of alpha_r.
+        h: width of the gap in that; by default the initial distance of the two points of the problem's ``gap``.
+        beta: exponent of the damping factor exp(-beta J); 0 leaves it out.
+        regulariser: a name of Table 1 or ``FILE.py:FUNCTION``, the file relative to the problem file.
+        parameters: of a regulariser of your own.
+        mu: shear modulus; by default that of the solid, if all solids have the same.
+    """
+
+    gamma: float = 1e-5
+    alpha_r: float | None = None
+    beta: float = 0.0
+    regulariser: str = "angle"
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    mu: float | None = None
+    alpha: float | None = None
+    h: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "alpha_r", chosen_weight(self.alpha_r, self.alpha))
+        if self.h is not None:
+            require_positive("h", self.h, "the initial width of the gap, a length")
+            if self.alpha is None:
+                raise InputError(f"h = {self.h:g} belongs to alpha, alpha_r = alpha mu h^2: give alpha, or leave h out")
+
+
+@dataclass(frozen=True)
+class RegionTable:
+    """Region: where it is, unless the mesh file says so, and what it is made of.
+
+    Attributes:
+        shape: combination of shapes, such as ``"frame - (seal + lid)"``.
+        solid: hyperelastic solid (2), ``{K = 20, mu = 10}``.
+        medium: third medium.
+        density: energy of your own, ``FILE.py:FUNCTION``, the file relative to the problem file.
+        parameters: of that energy.
+        hold: ``"medium"`` for a solid without supports of its own that the medium is meant to hold.
+        is_medium: whether a region with an energy of its own is third medium; by default if its name starts so.
+    """
+
+    shape: str | None = None
+    solid: Material | None = None
+    medium: MediumTable | None = None
+    density: str | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    hold: str | None = None
+    is_medium: bool | None = None
+
+    def __post_init__(self) -> None:
+        check_hold(self.hold, self.medium is not None)
+        given = [name for name in ("solid", "medium", "density") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise InputError(f"give one of solid, medium and density, not {' and '.join(given) or 'none'}")
+        if self.is_medium is not None and self.density is None:
+            raise InputError("is_medium is for a density of your own; 'medium = {...}' is third medium as it is")
+
+
+@dataclass(frozen=True)
+class EdgesTable:
+    """Edges of the mesh, along outlines and interfaces, that fulfil everything given here.
+
+    Attributes:
+        line: ends of a straight line that they lie on.
+        circle: centre x, y and radius of a circle that their ends lie on.
+        box: x0, y0, x1, y1 of a rectangle that they lie in.
+        between: two regions that they separate; ``"outside"`` is one.
+    """
+
+    line: tuple[XY, XY] | None = None
+    circle: tuple[float, float, float] | None = None
+    box: tuple[float, float, float, float] | None = None
+    between: tuple[str, str] | None = None
+
+    def __post_init__(self) -> None:
+        if all(value is None for value in (self.line, self.circle, self.box, self.between)):
+            raise InputError("give at least one of line, circle, box and between")
+        for name in ("line", "circle", "box"):
+            for value in np.ravel(np.asarray(getattr(self, name) or ())).tolist():
+                require_within(name, value, -HUGE, HUGE)
+
+
+@dataclass(frozen=True)
+class ConditionTable:
+    """Displacement prescribed at a named point or along named edges, reached at full load.
+
+    Attributes:
+        at: name of the point or edges.
+        ux, uy: components; one that is left out is free.
+    """
+
+    at: str
+    ux: float | None = None
+    uy: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.ux is None and self.uy is None:
+            raise InputError("give ux or uy or both; ux = 0 holds, what is left out is free")
+        for name in COMPONENTS:
+            if getattr(self, name) is not None:
+                require_finite(name, getattr(self, name), "a displacement")
+
+
+@dataclass(frozen=True)
+class ProbeTable:
+    """Something to measure at every load step: one of the first five, and where.
+
+    Attributes:
+        displacement: ``ux`` or ``uy`` of a point.
+        position: ``x`` or ``y`` of a point in the deformed state.
+        gap: distance of two points, each a name or coordinates.
+        reaction: to ``ux`` or ``uy``, where that is prescribed.
+        mean: ``J`` over a region.
+        at: name or coordinates of a point; for a reaction, name of a point or edges.
+        region: name of a region.
+    """
+
+    displacement: str | None = None
+    position: str | None = None
+    gap: tuple[Place, Place] | None = None
+    reaction: str | None = None
+    mean: str | None = None
+    at: Place | None = None
+    region: str | None = None
+
+    def __post_init__(self) -> None:
+        self.probe()
+
+    def probe(self) -> Probe:
+        """The probe.
+
+        Raises:
+            InputError: there is not exactly one, or it lacks the place or has one of another kind.
+        """
+        needs = {"displacement": "at", "position": "at", "gap": None, "reaction": "at", "mean": "region"}
+        given = [name for name in needs if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise InputError(f"give one of {', '.join(needs)}, not {' and '.join(given) or 'none'}")
+        what = given[0]
+        for place in ("at", "region"):
+            if (getattr(self, place) is None) == (needs[what] == place):
+                raise InputError(f"{what} {'lacks' if needs[what] == place else 'has no use for'} '{place}'")
+        if self.gap is not None:
+            return Gap(*self.gap)
+        if self.mean is not None:
+            require_choice("mean", self.mean, ("J",))
+            return MeanJ(str(self.region))
+        assert self.at is not None
+        if self.displacement is not None:
+            return Displacement(self.displacement, self.at)
+        if self.position is not None:
+            return Position(self.position, self.at)
+        if not isinstance(self.at, str):
+            raise InputError("at: a reaction needs the name of a point or of edges")
+        return Reaction(str(self.reaction), self.at)
+
+
+@dataclass(frozen=True)
+class ProblemTable:
+    """A problem file as a whole.
+
+    Attributes:
+        name: of the problem, for titles and tables.
+        regions: by name.
+        support: where displacements are prescribed.
+        load: the one displacement component that is reported with its reaction.
+        mesh: how the mesh is made.
+        shapes: by name.
+        points: names for nodes on outlines, by their coordinates.
+        edges: names for edges.
+        gap: two points whose distance is reported; short for a probe of that name.
+        probes: what else is measured at every load step, by name.
+        units: of length and force; any consistent set by default.
+        solve: method and steps, as in :class:`tmc_vem.simulation.simulation.RunOptions`.
+    """
+
+    name: str
+    regions: Mapping[str, RegionTable]
+    support: tuple[ConditionTable, ...]
+    load: ConditionTable
+    mesh: MeshTable
+    shapes: Mapping[str, ShapeTable] = field(default_factory=dict)
+    points: Mapping[str, XY] = field(default_factory=dict)
+    edges: Mapping[str, EdgesTable] = field(default_factory=dict)
+    gap: tuple[Place, Place] | None = None
+    probes: Mapping[str, ProbeTable] = field(default_factory=dict)
+    units: Units = field(default_factory=Units)
+    solve: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if (self.load.ux is None) == (self.load.uy is None):
+            raise InputError("load: give one of ux and uy; further components belong to [[support]]")
+        if self.gap is not None and GAP in self.probes:
+            raise InputError(f"probes: {GAP}: there is a gap at the top of the file already; leave out one of them")
+        for name in self.probes:
+            check_name(name)
+        twice = [name for name in self.points if name in self.edges]
+        if twice:
+            raise InputError(f"points: '{twice[0]}' is the name of edges too: give one of them another name")
+        if not self.regions:
+            raise InputError("regions: there is none")
+        if (self.mesh.file is None) == (not self.shapes):
+            raise InputError("mesh: give either a file, or shapes to make it from")
+        self.mesh.check_file()
+        if self.shapes and self.mesh.size is None:
+            raise InputError("mesh: give the size of the cells, a length")
+        for name, region in self.regions.items():
+            if (region.shape is not None) != bool(self.shapes):
+                text = "lacks 'shape'" if self.shapes else "has a shape, but the mesh comes from a file"
+                raise InputError(f"regions: {name}: {text}")

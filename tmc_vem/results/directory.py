@@ -1,0 +1,172 @@
+"""Writing a run directory: what a run leaves on disk while it goes on, and its result."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from tmc_vem.results.lock import LOCK, DirectoryLock
+from tmc_vem.results.records import (
+    COLLECTION,
+    FIELDS,
+    HISTORY,
+    MARKS,
+    PICTURE,
+    RESULT,
+    TRIANGULATED,
+    RunResult,
+    StepRecord,
+    finite,
+    heading,
+)  # fmt: skip
+from tmc_vem.results.unfinished import BEFORE, BEGUN, CHECKPOINT, COMMAND, process_facts
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.files import remove_unfinished, write_atomically
+
+_OWN = (RESULT, HISTORY, FIELDS, COLLECTION, f"{TRIANGULATED}.pvd", PICTURE, COMMAND, BEGUN, CHECKPOINT, BEFORE)
+
+
+class RunDirectory:
+    """Writes a run; files appear whole or not at all, except history.csv, which grows by a row a step.
+
+    Args:
+        path: where to write.
+        overwrite: replace an earlier run there.
+
+    Raises:
+        InputError: the path is a file, cannot be written, or has something in it that must not be replaced.
+    """
+
+    def __init__(self, path: str | Path, *, overwrite: bool = False) -> None:
+        self.path = Path(path)
+        self._facts: dict[str, Any] = {}
+        with _writable(self.path):
+            self._check(overwrite)
+
+    def _check(self, overwrite: bool) -> None:
+        path = self.path
+        if path.exists() and not path.is_dir():
+            raise InputError(f"output directory {path} is a file: choose another name")
+        if path.is_dir() and any(entry.name != LOCK for entry in path.iterdir()):
+            if not any((path / name).exists() for name in (*MARKS, HISTORY)):
+                raise InputError(f"output directory {path} has other things in it: choose an empty or new one")
+            if not overwrite:
+                raise InputError(f"output directory {path} has a run in it: choose another, or say --overwrite")
+        made = [p for p in (path, *path.absolute().parents) if not p.exists()]
+        parent = made[-1].parent if made else path
+        if not parent.is_dir():
+            raise InputError(f"output directory {path} cannot be made: {parent} is a file")
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=path):
+                pass
+        finally:  # it was a try: nothing is left behind if something else is wrong
+            for directory in made:
+                with suppress(OSError):
+                    directory.rmdir()
+
+    def lock(self) -> DirectoryLock:
+        """Make the directory and keep others out of it.
+
+        Raises:
+            InputError: another process writes there, or it cannot be made.
+        """
+        with _writable(self.path):
+            self.path.mkdir(parents=True, exist_ok=True)
+            return DirectoryLock(self.path)
+
+    def start(self, command: Mapping[str, Any] | None = None) -> None:
+        """Make the directory, without what an earlier run left.
+
+        Args:
+            command: what the command line was asked, for a later ``tmc-vem resume``.
+        """
+        self.path.mkdir(parents=True, exist_ok=True)
+        remove_unfinished(self.path)
+        for name in _OWN:
+            target = self.path / name
+            if target.is_dir():
+                shutil.rmtree(target)
+            else:
+                target.unlink(missing_ok=True)
+        for part in self.path.glob("checkpoint-part-*.npz"):
+            part.unlink()
+        (self.path / FIELDS).mkdir()
+        if command is not None:
+            write_atomically(self.path / COMMAND, json.dumps(command, indent=2) + "\n")
+
+    def begin(self, facts: Mapping[str, Any], *, locked: bool) -> None:
+        """Say what the run is, before its first step or before it goes on; an earlier result is no longer one.
+
+        Args:
+            facts: inputs, versions, units and sizes, by their names in result.json.
+            locked: whether this process holds the directory's lock.
+        """
+        self._facts = {**facts, "process": process_facts(locked=locked)}
+        write_atomically(self.path / BEGUN, json.dumps(finite(self._facts), indent=2) + "\n")
+        (self.path / RESULT).unlink(missing_ok=True)
+
+    def interrupted(self, reason: str) -> None:
+        """Say why the run that has begun ends without a result, if the disk takes it."""
+        if self._facts:
+            with suppress(OSError):
+                text = json.dumps(finite({**self._facts, "reason": reason}), indent=2) + "\n"
+                write_atomically(self.path / BEGUN, text, durable=False)
+
+    def add_step(self, record: StepRecord, units: Mapping[str, str] | None = None) -> None:
+        """Append a row to history.csv.
+
+        Args:
+            record: the step.
+            units: of columns, for their headings.
+        """
+        row = _headed(record, units)
+        path = self.path / HISTORY
+        new = not path.exists()
+        with path.open("a", newline="") as file:
+            writer = csv.DictWriter(file, fieldnames=list(row))
+            if new:
+                writer.writeheader()
+            writer.writerow(row)
+
+    def rewrite_history(self, records: Sequence[StepRecord], units: Mapping[str, str] | None = None) -> None:
+        """Write history.csv anew, without the steps after a checkpoint, and remove what was left half written."""
+        remove_unfinished(self.path)
+        rows = [_headed(record, units) for record in records]
+        text = io.StringIO()
+        columns = dict.fromkeys(name for row in rows for name in row)  # parameters may have come in later
+        writer = csv.DictWriter(text, fieldnames=list(columns) or ["step"], restval="")
+        writer.writeheader()
+        writer.writerows(rows)
+        write_atomically(self.path / HISTORY, text.getvalue())
+
+    def write_result(self, result: RunResult) -> None:
+        """Write result.json."""
+        write_atomically(self.path / RESULT, result.to_json())
+        (self.path / BEGUN).unlink(missing_ok=True)
+
+
+@contextmanager
+def _writable(path: Path) -> Iterator[None]:
+    """Say in one line that a directory cannot be made or written.
+
+    Raises:
+        InputError: it cannot.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        at = "" if error.filename is None or Path(error.filename).parent == path else f" ({error.filename})"
+        raise InputError(f"output directory {path} cannot be written: {reason}{at}; choose another") from None
+
+
+def _headed(record: StepRecord, units: Mapping[str, str] | None) -> dict[str, Any]:
+    return {heading(name, (units or {}).get(name, "")): value for name, value in record.as_row().items()}

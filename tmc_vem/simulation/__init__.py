@@ -1,0 +1,1 @@
+"""One run: options, what it writes, and how it is interrupted and resumed."""

@@ -1,0 +1,61 @@
+"""Stopping a run on a signal: at the next point where all ranks are together, with the last checkpoint on disk."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+from tmc_vem.support.errors import TmcError
+
+
+class Interrupted(TmcError):
+    """The run was asked to stop. The exit code is 128 plus the signal's number: 130 for Ctrl-C, 143 for SIGTERM."""
+
+    def __init__(self, number: int, how_to_go_on: str = "") -> None:
+        advice = f"; {how_to_go_on}" if how_to_go_on else ""
+        super().__init__(f"stopped by {signal.Signals(number).name}{advice}")
+        self.number = number
+        self.exit_code = 128 + number
+
+
+class StopRequest:
+    """Remembers a signal until all ranks can act on it together."""
+
+    def __init__(self, comm: Any) -> None:
+        self._comm = comm
+        self._number = 0
+
+    def check(self) -> None:
+        """Raise on every rank if any of them was asked to stop; called on all ranks.
+
+        Raises:
+            Interrupted: a rank has received SIGINT or SIGTERM.
+        """
+        number = max(self._comm.allgather(self._number))
+        if number:
+            raise Interrupted(number)
+
+    def _remember(self, number: int, _frame: FrameType | None) -> None:
+        if self._number:  # asked twice: do not wait
+            raise KeyboardInterrupt
+        self._number = number
+
+
+@contextmanager
+def stop_requests(comm: Any) -> Iterator[StopRequest]:
+    """Catch SIGINT and SIGTERM for the length of a run (in the main thread; elsewhere nothing is caught)."""
+    request = StopRequest(comm)
+    before: dict[int, Any] = {}
+    try:
+        for stop in (signal.SIGINT, signal.SIGTERM):
+            before[stop] = signal.signal(stop, request._remember)
+    except ValueError:  # not the main thread
+        pass
+    try:
+        yield request
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,37 @@
+"""Who hears about a run while it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tmc_vem.problems.base import Problem
+from tmc_vem.results.records import RunResult, StepRecord
+
+
+class Monitor:
+    """Hears about a run as it goes on; the command line's progress display is one. All methods may be overridden.
+
+    Attributes:
+        end: coordinate of the end of the load path (1 for a load that rises to its full value), known before
+            :meth:`started`; a step's is ``record.coordinate``.
+    """
+
+    end: float = 1.0
+
+    def started(self, problem: Problem, n_cells: int, n_dofs: int) -> None:
+        """The system is set up."""
+
+    def warned(self, sentences: Sequence[str]) -> None:
+        """What is said about the problem before it is solved; it stands among the warnings of the result, too."""
+
+    def iterated(self, iteration: int, residual: float) -> None:
+        """A Newton iteration is done, counted from the start of the run."""
+
+    def stepped(self, record: StepRecord) -> None:
+        """A load step has converged."""
+
+    def aborted(self) -> None:
+        """The run stops with an error."""
+
+    def finished(self, result: RunResult) -> None:
+        """The run is over."""

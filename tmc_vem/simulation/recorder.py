@@ -1,0 +1,370 @@
+"""What a run leaves behind while it goes on: history, fields, checkpoints, and the result at the end."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.problems.base import Problem, media_of
+from tmc_vem.results.contact.contact import check_contact
+from tmc_vem.results.directory import RunDirectory
+from tmc_vem.results.energy_balance import energy_balance
+from tmc_vem.results.output import SnapshotWriter, gather_fields
+from tmc_vem.results.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of
+from tmc_vem.results.records import PICTURE, RunResult, StepRecord
+from tmc_vem.results.unfinished import how_to_go_on
+from tmc_vem.simulation.balance import balance
+from tmc_vem.simulation.checkpoint import DURABLE, Checkpoint
+from tmc_vem.simulation.gauge import Gauge
+from tmc_vem.simulation.monitor import Monitor
+from tmc_vem.simulation.overlap import OverlapWatch
+from tmc_vem.simulation.provenance import versions
+from tmc_vem.solve.states import States
+from tmc_vem.solve.stepping import Position, Step, SteppingResult
+from tmc_vem.support.errors import TmcError
+from tmc_vem.support.parallel import on_every_rank, on_root
+from tmc_vem.support.timing import Timer
+from tmc_vem.system.fields import Fields
+
+Float = NDArray[np.float64]
+
+
+class Recorder:
+    """Records converged load steps.
+
+    Args:
+        problem: what is solved.
+        system: its discretisation.
+        gauge: the problem's probes on it.
+        inputs: parameters of problem and method, for result.json and to recognise a checkpoint.
+        directory: where to write, or None.
+        times: coordinates along the load path at which fields are written; the last state always is, if there are any.
+        checkpoint_every: converged steps between checkpoints; 0 for none.
+        monitor: hears about steps.
+        timer: phases of the run.
+        watch: knows whether solids overlap in the state that converged last.
+        triangulated: write the fields once more, cut into triangles.
+    """
+
+    def __init__(
+        self, problem: Problem, system: Any, gauge: Gauge, inputs: Mapping[str, Any],
+        directory: RunDirectory | None, times: Sequence[float], checkpoint_every: int, monitor: Monitor, timer: Timer,
+        watch: OverlapWatch, *, triangulated: bool = False,
+    ) -> None:  # fmt: skip
+        self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
+        self.gauge, self.monitor, self.timer, self.watch = gauge, monitor, timer, watch
+        self._inverted: dict[str, Any] = {}
+        self.history: list[StepRecord] = []
+        self._plain_history: list[dict[str, Any]] = []
+        self.findings: list[Finding] = []  # about the run as such: its files, for example
+        self._facts: dict[str, Any] = {}
+        self._order = int(inputs["order"])
+        self._every = checkpoint_every if directory is not None else 0
+        self._on_root = system.comm.rank == 0
+        self._seconds_before = 0.0
+        # when to wait for the disk again, and whether it has the checkpoint that is there
+        self._durable_until, self._is_durable = time.monotonic() + DURABLE, True
+        self._snapshots: SnapshotWriter | None = None
+        if directory is not None and times:
+            self._snapshots = SnapshotWriter(
+                system, directory.path, tuple(times), problem.units(), media_of(problem), triangulated=triangulated,
+                order=self._order,
+            )  # fmt: skip
+
+    def record(self, step: Step, states: States, position: Position, residual: Any) -> None:
+        """Record a converged step; called on all ranks."""
+        u = states.vectors[-1]
+        load = self.problem.load()
+        regions = step.newton.evaluation.regions
+        with self.timer("tables"):
+            record = StepRecord(
+                step=step.number,
+                load=step.load,
+                displacement=step.load * load.value,
+                probes=self.gauge.read(u, residual, functools.partial(self.watch.behind, u)),
+                reaction=self.system.reaction(residual, load.where, load.component),
+                iterations=len(step.newton.iterations),
+                cut_backs=step.cut_backs,
+                wasted_iterations=step.wasted_iterations,
+                min_j={name: values.min_j for name, values in regions.items()},
+                energy={name: values.energy for name, values in regions.items()},
+                negative_pivots=step.newton.negative_pivots,
+                jumped=step.jumped,
+                seconds=self._seconds_before + self.timer.report()["total"],
+                time=step.time,
+                parameters=step.control.parameters,
+                load_force=self._load_force(residual),
+            )
+            self._add_to_history(record)
+            self.watch.accepted()
+        if self._snapshots is not None:
+            with self.timer("snapshots"), _reported(self._snapshots.directory):
+                self._snapshots.offer(step.number, step.time, u)
+        if self._every and step.number % self._every == 0:
+            with self.timer("checkpoints"):
+                self._write_checkpoint(states, position)
+        self.monitor.stepped(record)
+
+    def _add_to_history(self, record: StepRecord) -> None:
+        self.history.append(record)
+        self._plain_history.append(asdict(record))
+        if self.directory is None:
+            return
+        directory = self.directory
+        with _reported(directory.path):
+            same = self.history[0].as_row().keys() == record.as_row().keys()
+            on_root(
+                self.system.comm,
+                lambda: (
+                    directory.add_step(record, self._headings(record))
+                    if same
+                    else directory.rewrite_history(self.history, self._headings(record))
+                ),
+            )
+
+    def restore(self, u: Any) -> tuple[States, Position]:
+        """Go on from the last checkpoint of the run directory: fill ``u``; the last states and the position.
+
+        Raises:
+            InputError: there is no good checkpoint, or it belongs to other inputs or another mesh.
+        """
+        assert self.directory is not None
+        checkpoint = Checkpoint.read(self.directory.path)
+        facts = checkpoint.facts
+        _same_inputs(facts["inputs"], self.inputs)
+        states = States(u)
+        for control, state_ni in zip(facts["controls"], checkpoint.values_at(self._node_labels), strict=True):
+            u.getArray()[:] = state_ni.ravel()
+            states.append(np.array(control), u)
+        self.history = [StepRecord.from_plain(entry) for entry in facts["history"]]
+        self._plain_history = [asdict(record) for record in self.history]
+        self.watch.go_on(self.history)
+        self._seconds_before = self.history[-1].seconds if self.history else 0.0
+        if self._on_root:
+            units = self._headings(self.history[-1]) if self.history else {}
+            self.directory.rewrite_history(self.history, units)
+        if self._snapshots is not None:
+            self._snapshots.restore(facts["snapshots"])
+        position = dict(facts["position"])
+        position["stiffer"] = tuple(tuple(pair) for pair in position["stiffer"])
+        return states, Position(**position)
+
+    def begin(self, *, locked: bool) -> None:
+        """Say in the run directory what the run is; called on all ranks.
+
+        Args:
+            locked: whether this process holds the directory's lock.
+        """
+        with self.timer("tables"):
+            self._facts = {
+                "inputs": self.inputs,
+                "versions": versions(self.system.comm.size),
+                "n_cells": self.system.n_cells_global,
+                "n_dofs": self.system.n_dofs,
+                "projection_degrees": {str(space): n for space, n in self.system.projection_degrees().items()},
+            }
+        if self.directory is not None:
+            directory, units = self.directory, self._units()
+            with _reported(directory.path):
+                on_root(self.system.comm, lambda: directory.begin({**self._facts, "units": units}, locked=locked))
+
+    def finish(
+        self, outcome: SteppingResult, u: Any, residual: Any, linear: Mapping[str, Any], *, cut_short: bool = False
+    ) -> RunResult:
+        """Check the last state, draw it and write result.json.
+
+        The check for interpenetration and the picture need the whole state on rank 0.
+
+        Args:
+            outcome: how the load stepping ended.
+            u: the last converged state.
+            residual: work vector, overwritten.
+            linear: name of the linear solver and its iterations.
+            cut_short: a limit on work has ended the stepping.
+        """
+        if self._snapshots is not None and self.history:
+            with self.timer("snapshots"), _reported(self._snapshots.directory):
+                self._snapshots.write(self.history[-1].step, self.history[-1].coordinate, u)
+        with self.timer("check"):
+            self.system.residual(u, residual)
+            imbalance = self._imbalance(residual)
+            share = self.system.cell_energies(u).sum() - self.system.cell_energies(u, without="alpha_r").sum()
+            regulariser = float(self.system.comm.allreduce(share))
+            checks: dict[str, Any] = {"imbalance": imbalance, "regulariser_energy": regulariser}
+            checks |= {"inverted_cells": self._count_inverted(u), **self._inverted}
+            balance_of_energy = energy_balance(self.history)
+            if balance_of_energy:
+                checks["energy_balance"] = balance_of_energy.as_dict()
+            fields = gather_fields(self.system, u, media_of(self.problem))
+            if fields is not None:
+                contact = check_contact(fields, self._order)
+                checks |= {**contact.as_dict(), "summary": contact.summary()}
+            checks = self.system.comm.bcast(checks)
+        if fields is not None and self.directory is not None:
+            with self.timer("picture"):
+                self._draw(fields, self.directory.path / PICTURE)
+        history = self.history
+        media = media_of(self.problem)
+        evidence = Evidence(self.inputs, history, checks, media, self.system.size, outcome.complete)
+        findings = by_weight([*findings_of(evidence), *self.findings])
+        result = RunResult(
+            **self._facts,
+            complete=outcome.complete,
+            reason=outcome.reason,
+            load=outcome.load,
+            newton_iterations=sum(r.iterations + r.wasted_iterations for r in history) + outcome.failed_iterations,
+            cut_backs=sum(r.cut_backs for r in history) + outcome.failed_attempts,
+            checks=checks,
+            parallel=balance(self.system.comm, self.system.work()) | dict(linear),
+            errors=[finding.text for finding in findings if finding.severity == ERROR],
+            warnings=[finding.text for finding in findings if finding.severity == WARNING],
+            seconds=self.timer.report(),
+            history=history,
+            directory=None if self.directory is None else self.directory.path,
+            units=self._units(history[-1]) if history else {},
+            cut_short=cut_short and not outcome.complete,
+            media=tuple(media),
+        )
+        if self.directory is not None:
+            directory = self.directory
+            with _reported(directory.path):
+                on_root(self.system.comm, lambda: directory.write_result(result))
+        return result
+
+    def _draw(self, fields: Fields, path: Path) -> None:
+        from tmc_vem.report.figures import draw_deformed
+
+        try:
+            draw_deformed(fields, path, title=self._title())
+        except OSError as error:
+            text = f"{path.name} could not be written: {error.strerror or error}"
+            self.findings.append(Finding(WARNING, text))
+
+    def step_failed(self, u: Any) -> None:
+        """A step from a converged state has failed: count the cells that are inverted between their quadrature points.
+
+        Where a corner goes through the medium, they are the first sign of it. Called on all ranks.
+        """
+        if self._inverted:
+            return
+        with self.timer("check"):
+            count = self._count_inverted(u)
+        if count:
+            self._inverted = {"inverted_from": self.history[-1].load if self.history else 0.0}
+
+    def _count_inverted(self, u: Any) -> dict[str, int]:
+        """Cells in which J is not positive on a dense grid, by region, for the regions that have any."""
+        polygons = self.system.output_polygons()
+        inverted = polygons.region_c[~(self.system.dense_jacobians(u) > 0.0)]
+        mine = np.bincount(inverted, minlength=len(polygons.region_names))
+        count = np.sum(self.system.comm.allgather(mine), axis=0).tolist()
+        return {name: n for name, n in zip(polygons.region_names, count, strict=True) if n}
+
+    def _load_force(self, residual: Any) -> float:
+        """Work of the prescribed displacements per load factor: they are proportional to it."""
+        values = residual.getArray(readonly=True)[self.system.constrained()]
+        return float(self.system.comm.allreduce(float(values @ self.system.prescribed(1.0))))
+
+    def _imbalance(self, residual: Any) -> float:
+        """Resultant of all reactions, relative to the largest of them: 0 in equilibrium."""
+        values = residual.getArray(readonly=True)
+        held = self.system.constrained()
+        parts = self.system.comm.allgather((held % 2, values[held]))
+        component = np.concatenate([part[0] for part in parts])
+        reaction = np.concatenate([part[1] for part in parts])
+        largest = float(np.abs(reaction).max(initial=0.0))
+        resultant = np.hypot(reaction[component == 0].sum(), reaction[component == 1].sum())
+        return float(resultant) / largest if largest else 0.0
+
+    @cached_property
+    def _node_labels(self) -> Float:
+        labels: Float = self.system.node_labels()
+        return labels
+
+    def _write_checkpoint(self, states: States, position: Position) -> None:
+        """Each rank writes its own nodes; only names and checksums travel to rank 0."""
+        assert self.directory is not None
+        comm, path = self.system.comm, self.directory.path
+        facts: dict[str, Any] = {}
+        if self._on_root:
+            facts = {
+                "inputs": self.inputs,
+                "position": asdict(position),
+                "controls": [control.tolist() for control in states.controls],
+                "history": self._plain_history,
+                "snapshots": self._snapshots.entries if self._snapshots else [],
+            }
+        mine = Checkpoint(facts, self._node_labels, np.array([_nodal(u) for u in states.vectors]))
+        durable = comm.bcast(time.monotonic() >= self._durable_until)
+        part = None if self._on_root else f"checkpoint-part-{position.number:06d}-{comm.rank}.npz"
+        checksum = on_every_rank(comm, lambda: part and mine.write_part(path, part, durable=durable))
+        parts = {key: value for key, value in comm.gather((part, checksum)) or () if key}
+        on_root(comm, lambda: mine.write(path, parts, durable=durable, keep=self._is_durable))
+        self._is_durable = durable
+        if durable:
+            self._durable_until = time.monotonic() + DURABLE
+
+    def _units(self, record: StepRecord | None = None) -> dict[str, str]:
+        """Units of the columns of the history; without a record, of those that every step will have."""
+        kinds = {name: probe.kind for name, probe in self.gauge.probes.items()}
+        by_region = [f"{group}{name}" for group in ("min_j_", "energy_") for name in self.problem.regions()]
+        columns = ["displacement", *kinds, "reaction", *by_region] if record is None else record.as_row()
+        return self.problem.units().of_columns(columns, kinds)
+
+    def _headings(self, record: StepRecord) -> dict[str, str]:
+        """Units that stand in the headings of history.csv: those that the problem declares."""
+        return self._units(record) if self.problem.units().declared else {}
+
+    def _title(self) -> str:
+        if not self.history:
+            return f"{self.problem.name}, undeformed"
+        last = self.history[-1]
+        gap = "" if last.gap is None else f", gap {last.gap:.4g}"
+        return f"{self.problem.name} at {self.problem.load().where} displacement {last.displacement:g}{gap}"
+
+
+@contextmanager
+def _reported(directory: Path) -> Iterator[None]:
+    """Say in one line that a file could not be written; called on all ranks together.
+
+    Raises:
+        TmcError: the disk is full, for example.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason, how = error.strerror or str(error), how_to_go_on(directory)
+        after = f"; with more room, {how} from the last checkpoint" if how else ""
+        raise TmcError(f"{directory} cannot be written ({reason}){after}") from error
+
+
+def _nodal(vector: Any) -> Float:
+    values: Float = vector.getArray(readonly=True).reshape(-1, 2).copy()
+    return values
+
+
+def _same_inputs(before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+    """Check that a checkpoint was made with the same inputs.
+
+    Raises:
+        InputError: one differs; the message names it.
+    """
+    import json
+
+    from tmc_vem.support.errors import InputError
+
+    plain = json.loads(json.dumps(now))
+    for name in sorted({*before, *plain}):
+        if before.get(name) != plain.get(name):
+            raise InputError(
+                f"the checkpoint was made with {name} = {before.get(name)}, not {plain.get(name)}: start anew"
+            )

@@ -1,0 +1,1 @@
+"""Many runs: batches, comparisons and the paper's figures."""

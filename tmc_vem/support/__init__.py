@@ -1,0 +1,1 @@
+"""The ground: errors, validation, files, ranks, time and memory; imports nothing of the rest."""

@@ -1,0 +1,1 @@
+"""Spaces of projected gradients on polygons: polynomials, quadrature, projectors, and the choice of l."""

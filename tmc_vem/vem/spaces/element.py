@@ -1,0 +1,302 @@
+"""Virtual elements: derivatives of the projected basis at quadrature points, for classes of congruent cells.
+
+What the gradient is projected on is chosen per shape by a spectral test: only the three rigid motions may have no
+energy in plane elasticity at F = I. For [P_l]^2 the smallest l is taken that passes. The counting rule (40) of the
+paper is only where the search starts: it is not sufficient (squares and pentagons fail at its l = 2), and a larger l
+than needed costs accuracy. "No energy" is measured against a stabilised element of the same shape, so that modes
+which are merely close to spurious do not pass. By default, shapes without a good l up to k + 1, such as those with
+hanging nodes, get the composite space instead, which has full rank on any polygon; docs/projection.md compares the
+spaces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.mesh.faults import SHORT, short_edges
+from tmc_vem.mesh.geometry import diameters
+from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.notes import say
+from tmc_vem.support.validation import check_fields, require_choice
+from tmc_vem.vem.spaces.composite import CompositeSpace
+from tmc_vem.vem.spaces.macro import MacroSpace
+from tmc_vem.vem.spaces.quadrature import star_shaped, sub_triangles
+from tmc_vem.vem.spaces.rules import CellRule, compressed, convex, on_sub_triangles, simple
+from tmc_vem.vem.spaces.spaces import FullSpace, HarmonicSpace, ProjectionSpace, Shapes
+from tmc_vem.vem.spaces.stability import SPURIOUS, StabilityTest, spurious_modes, stability_constants
+from tmc_vem.vem.spaces.tabulated import Tables, tabulate
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+
+RULES = ("auto", "compressed", "triangles")
+PROJECTIONS = ("auto", "full", "harmonic", "macro", "composite")
+LARGEST_DEGREE = 8
+# The smallest energy of a mode, as a fraction of what the reference element gives it. Modes without energy stay at
+# rounding, below 1e-13; most cells are above 1e-2. In between are shapes close to a deficient one, such as a hanging
+# node slightly off its straight side (1e-5 to 1e-9): no zero, but as harmful as one. So l is raised until STABLE is
+# reached. Edges below a hundredth of the cell may not allow that; what counts as spurious for good is below SPURIOUS.
+STABLE = 1e-3
+# With 'auto', [P_l]^2 with l up to k + 1 is used where every mode has this fraction. For k = 2, triangles and
+# quadrilaterals have 0.4 and more, convex pentagons about 0.15, cells with a hanging node up to 0.08, hexagons 0.03.
+GOOD = 0.1
+CHUNK = 256  # shapes whose arrays stay in the second-level cache
+# Cells whose vertices agree up to a translation and this fraction of their diameter share a projector.
+CONGRUENCE = 1e-10
+
+
+@dataclass(frozen=True)
+class ElementSettings:
+    """Choices for the discretisation.
+
+    Attributes:
+        order: k >= 2, polynomial degree on the edges.
+        degree: l, degree of the gradient's projection on [P_l]^2; None lets the spectral test choose per shape.
+        quadrature: degree of the rule on the sub-triangles; None means the larger of 2 k and l + k - 1, which
+            integrates the product of a stress of degree k - 1 and a projected gradient, and so keeps the order of
+            convergence. A lower degree is raised to l, below which constant stresses are out of balance. On the box,
+            degrees 4 to 10 change the gap by less than one percent for k = 2.
+        rule: 'triangles' puts the rule of the full degree on every sub-triangle; 'compressed' uses the fewest points
+            where the projected gradient is one polynomial on the whole cell, see :mod:`tmc_vem.vem.spaces.rules`;
+            'auto' has few points on triangles and convex quadrilaterals only, and on those moves the gap of the box by
+            0.02 percent. The fewest points move it by 0.1 percent on quadrilaterals, by 2 to 3 on larger polygons.
+        projection: what gradients are projected on. 'full': [P_l]^2 with the smallest l that the spectral test allows;
+            'harmonic': [P_k]^2 and as many gradients of harmonic polynomials as it takes; 'macro': H(div)-conforming
+            piecewise [P_k]^2; 'composite': gradients of continuous piecewise P_(k+1); 'auto': 'full' where l up to
+            k + 1 does well, 'composite' elsewhere.
+    """
+
+    order: int = 2
+    degree: int | None = None
+    quadrature: int | None = None
+    projection: str = "auto"
+    rule: str = "auto"
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        require_choice("projection", self.projection, PROJECTIONS)
+        require_choice("rule", self.rule, RULES)
+        if self.degree is not None and self.projection not in ("auto", "full"):
+            raise InputError(f"a degree l belongs to the projection 'full': '{self.projection}' has its own")
+        if self.order not in (2, 3, 4):
+            raise InputError(f"element order k = {self.order}: use 2 (the paper's), 3 or 4")
+        if self.degree is not None and not self.order - 1 <= self.degree <= LARGEST_DEGREE:
+            raise InputError(f"projection degree l = {self.degree}: use {self.order - 1} to {LARGEST_DEGREE}")
+        if self.quadrature is not None and not 2 <= self.quadrature <= 20:
+            raise InputError(f"quadrature degree {self.quadrature}: use 2 to 20")
+
+    @property
+    def quadrature_degree(self) -> int:
+        """Degree of the rule on the sub-triangles, except for cells with a high l; see :meth:`rule_degree`."""
+        return 2 * self.order if self.quadrature is None else self.quadrature
+
+    def rule_degree(self, degree: int) -> int:
+        """Degree of the rule on the sub-triangles of cells with the projection degree l = ``degree``."""
+        if self.quadrature is None:
+            return max(2 * self.order, degree + self.order - 1)
+        return max(self.quadrature, degree)
+
+    def cell_rule(self, space: ProjectionSpace, polygons_svx: Float, triangles_stpx: Float) -> CellRule:
+        """Quadrature rule for a projection space."""
+        degree = self.rule_degree(space.degree)
+        if self.rule == "triangles" or space.piecewise_degree is not None:
+            return on_sub_triangles(triangles_stpx, degree)
+        return (simple if self.rule == "auto" else compressed)(polygons_svx, triangles_stpx, degree)
+
+    def candidates(self, n_sides: int) -> list[tuple[ProjectionSpace, float]]:
+        """Spaces to try one after another, with the stability constant that each of them needs."""
+        k = self.order
+        first = first_candidate(n_sides, k)
+        if self.degree is not None:
+            return [(FullSpace(self.degree), SPURIOUS)]
+        if self.projection == "composite":
+            return [(CompositeSpace(k), SPURIOUS)]
+        if self.projection == "macro":
+            return [(MacroSpace(k), SPURIOUS)]
+        if self.projection == "harmonic":
+            degrees = range(k + 1, LARGEST_DEGREE + 1)
+            return [(HarmonicSpace(k, m), SPURIOUS if m == LARGEST_DEGREE else STABLE) for m in degrees]
+        if self.projection == "auto":
+            return [*((FullSpace(m), GOOD) for m in range(first, k + 2)), (CompositeSpace(k), SPURIOUS)]
+        degrees = range(first, LARGEST_DEGREE + 1)
+        return [(FullSpace(m), SPURIOUS if m == LARGEST_DEGREE else STABLE) for m in degrees]
+
+
+@dataclass(frozen=True)
+class ElementGroup:
+    """Cells of one region with equally many sides and quadrature points and the same projection space.
+
+    Attributes:
+        cells: (n,) cells of the mesh, by shape.
+        shape_c: (n,) int32, class of congruent cells of each, ascending.
+        tables: projected basis and quadrature of every class.
+        region: number of the cells' region.
+        n_sides: vertices of each cell.
+        degree: degree of the space's polynomials, the l of [P_l]^2.
+        projection: the l of [P_l]^2, or the name of another space.
+        most_shapes: how many classes there are at most in all groups of this kind.
+    """
+
+    cells: Int
+    shape_c: NDArray[np.int32]
+    tables: Tables
+    region: int
+    n_sides: int
+    degree: int
+    projection: str
+    most_shapes: int
+
+    @property
+    def n_basis(self) -> int:
+        """Scalar degrees of freedom of a cell."""
+        return self.tables.n_basis
+
+
+def build_elements(mesh: PolygonMesh, settings: ElementSettings, cell_ids: Int | None = None) -> list[ElementGroup]:
+    """Element groups that cover the mesh, all of :func:`element_groups`."""
+    return list(element_groups(mesh, settings, cell_ids))
+
+
+def element_groups(mesh: PolygonMesh, settings: ElementSettings, cell_ids: Int | None = None) -> Iterator[ElementGroup]:
+    """Element groups that cover the mesh, a few hundred shapes at a time.
+
+    Args:
+        mesh: this rank's cells.
+        settings: order, degree and quadrature.
+        cell_ids: names of the cells in messages, if they are not their positions.
+
+    Raises:
+        InputError: a forced l leaves spurious modes on some cell, or no l up to the largest one has full rank; the
+            message names the cell, the number of spurious modes and the l that works.
+    """
+    if settings.projection in ("auto", "composite"):
+        _note_short_edges(mesh, settings.order, cell_ids)
+    for n_sides, all_cells, _ in mesh.cells_by_size():
+        for region in np.unique(mesh.region_c[all_cells]).tolist():
+            cells = all_cells[mesh.region_c[all_cells] == region]
+            polygons_cvx = mesh.points_vx[mesh.cell_vertices[mesh.cell_offsets[cells][:, None] + np.arange(n_sides)]]
+            representatives, class_c = congruence_classes(polygons_cvx)
+            by_class, count = np.argsort(class_c, kind="stable"), np.bincount(class_c)
+            first = np.cumsum(count) - count
+            for kind in _alike(polygons_cvx[representatives]):
+                for start in range(0, len(kind), CHUNK):
+                    classes = kind[start : start + CHUNK]
+                    chosen = representatives[classes]
+                    names = cells[chosen] if cell_ids is None else cell_ids[cells[chosen]]
+                    for space, found, tables in _choose_space(polygons_cvx[chosen], names, settings):
+                        shapes = classes[found]
+                        members, shape_c = _members(by_class, first[shapes], count[shapes])
+                        yield ElementGroup(
+                            cells[members], shape_c, tables, region, n_sides, space.degree, space.label, len(kind)
+                        )
+
+
+def _note_short_edges(mesh: PolygonMesh, order: int, cell_ids: Int | None) -> None:
+    """Say which edges are so short that composite functions on the slivers there lose digits."""
+    limit = SHORT * 10.0 ** (order - 2)
+    short = short_edges(mesh, limit)
+    if short:
+        a, b = short[0]
+        c = next(c for c, loop in enumerate(mesh.cells()) if len(loop) > 4 and a in loop and b in loop)
+        x, y = mesh.points_vx[a]
+        say(
+            f"{len(short)} edges are shorter than {limit:g} of the width of their cells; with order {order} this costs "
+            f"digits: the first is of cell {c if cell_ids is None else cell_ids[c]} at ({x:.6g}, {y:.6g}); "
+            f"'tmc-vem mesh check FILE --fix OUT --tolerance {limit:g}' collapses them"
+        )
+
+
+def _members(by_class: Int, first: Int, count: Int) -> tuple[Int, NDArray[np.int32]]:
+    """``by_class[first : first + count]`` of several classes one after the other, and which of them each is in."""
+    number = np.repeat(np.arange(len(count), dtype=np.int32), count)
+    before = np.cumsum(count) - count
+    return by_class[(first - before)[number] + np.arange(len(number))], number
+
+
+def congruence_classes(polygons_cvx: Float) -> tuple[Int, Int]:
+    """Representatives (n_classes,), ascending, and class (n_cells,) of polygons that are equal up to a translation."""
+    diameter = diameters(polygons_cvx)
+    relative = (polygons_cvx[:, 1:] - polygons_cvx[:, :1]) / diameter[:, None, None]
+    keys = np.column_stack([relative.reshape(len(polygons_cvx), -1), np.log(diameter)])
+    rounded = np.round(keys / CONGRUENCE).astype(np.int64)
+    # sorting numbers is faster than sorting rows; should two rows have the same number, rows are sorted
+    number = rounded @ np.random.default_rng(0).integers(2**62, size=rounded.shape[1])
+    _, first, classes = np.unique(number, return_index=True, return_inverse=True)
+    if not np.array_equal(rounded[first[classes]], rounded):
+        _, first, classes = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+        classes = classes.reshape(-1)
+    # in the order of the mesh, whose cells are neighbours: kernels then find nodes in the cache
+    order = np.argsort(first)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return first[order], rank[classes]
+
+
+def _alike(polygons_cvx: Float) -> Iterator[Int]:
+    """Cells (n,) that take the same kind of sub-triangles and of quadrature rule."""
+    star = star_shaped(polygons_cvx)
+    # for quadrilaterals the rule depends on convexity, and must not depend on what else is on a rank
+    kind = convex(polygons_cvx) if polygons_cvx.shape[1] == 4 else np.ones(len(star), dtype=bool)
+    for chosen in (star & kind, star & ~kind, ~star & kind, ~star & ~kind):
+        if chosen.any():
+            yield np.flatnonzero(chosen)
+
+
+def first_candidate(n_sides: int, k: int) -> int:
+    """Smallest l that the counting rule (40), N <= 2 l - 2 k + 5, allows; at least k - 1, which reproduces P_k."""
+    return max(k - 1, -(-(n_sides + 2 * k - 5) // 2))
+
+
+def _choose_space(
+    shapes: Float, names: Int, settings: ElementSettings
+) -> Iterator[tuple[ProjectionSpace, Int, Tables]]:
+    """Split shapes of one kind by the space they get: (space, positions among ``shapes``, tables)."""
+    ((_, triangles),) = sub_triangles(shapes)
+    k, n_sides = settings.order, shapes.shape[1]
+    pending = np.arange(len(shapes))
+    known = Shapes.of(shapes, triangles, k, k + 1)
+    test = StabilityTest(known)
+    for space, least in settings.candidates(n_sides):
+        rule = settings.cell_rule(space, shapes[pending], triangles[pending])
+        needed = known if len(pending) == len(known) else known.take(pending)
+        if space.degree > known.geometry.degree:
+            needed = Shapes.of(shapes[pending], triangles[pending], k, space.degree)
+        tables = tabulate(needed, space, rule)
+        passes = test.passes(tables, pending, least)
+        if settings.degree is not None and not passes.all():
+            worst = int(np.flatnonzero(~passes)[0])
+            constants = stability_constants(shapes[worst : worst + 1], tables.take(np.array([worst])), k)
+            raise InputError(_refusal(shapes, names, settings, worst, spurious_modes(constants)[0]))
+        if passes.any():
+            chosen = np.flatnonzero(passes)
+            yield space, pending[chosen], tables if passes.all() else tables.take(chosen)
+        pending = pending[~passes]
+        if not len(pending):
+            return
+    cell = f"cell {names[pending[0]]} has {n_sides} vertices and spurious modes"
+    if settings.projection in ("full", "harmonic"):
+        raise InputError(
+            f"{cell} for every l up to {LARGEST_DEGREE}: leave the projection to 'auto', split the cell, or use fewer "
+            "nodes on its straight sides"
+        )
+    raise InputError(f"{cell} with the projection '{settings.projection}': its shape is degenerate, check the mesh")
+
+
+def _refusal(shapes: Float, names: Int, settings: ElementSettings, worst: int, spurious: int) -> str:
+    """Message for a forced l that leaves spurious modes, with the l that does not."""
+    free = ElementSettings(settings.order, None, settings.quadrature, "full")
+    chosen = slice(worst, worst + 1)
+    problem = (
+        f"cell {names[worst]} has {shapes.shape[1]} vertices: l = {settings.degree} leaves {spurious} "
+        f"spurious mode{'s' if spurious > 1 else ''}; "
+    )
+    try:
+        works = next(_choose_space(shapes[chosen], names[chosen], free))[0].degree
+    except InputError:
+        return f"{problem}so does every other l up to {LARGEST_DEGREE}: leave the projection to the spectral test"
+    return f"{problem}use l >= {works}, or leave l to the spectral test"

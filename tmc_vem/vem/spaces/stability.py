@@ -1,0 +1,128 @@
+"""Whether an element is stable: the energy of its modes against that of an element with stabilisation.
+
+The tangent K of plane elasticity at F = I is compared with that of a conventional virtual element with stabilisation,
+R, which has full rank on any polygon. The eigenvalues of ``K x = lambda R x`` depend neither on the size of the cell
+nor on the scaling of its degrees of freedom, and edges short or long count alike. Rigid motions have no energy in
+either.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codegen.potential import degree_of
+from tmc_vem.vem.spaces import monomials
+from tmc_vem.vem.spaces.projector import PolygonGeometry, dofs_of_monomials, elliptic_projector, gradient_projector
+from tmc_vem.vem.spaces.spaces import Shapes
+from tmc_vem.vem.spaces.tabulated import Tables
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+
+RIGID_MODES = 3
+# Modes with a smaller energy than this fraction of what the reference gives them are spurious.
+SPURIOUS = 1e-5
+CHUNK = 64  # cells whose matrices stay in the second-level cache
+
+
+def stability_constants(polygons_svx: Float, tables: Tables, k: int) -> Float:
+    """Generalised eigenvalues (n_shapes, 2 n_basis - 3), ascending, without those of the rigid motions."""
+    geometry = PolygonGeometry.of(polygons_svx, k)
+    tangent = element_tangent(tables)
+    spectrum, modes = np.linalg.eigh(stabilised_tangent(geometry, elliptic_projector(geometry, k), k))
+    scaled = modes[:, :, RIGID_MODES:] / np.sqrt(spectrum[:, None, RIGID_MODES:])
+    constants: Float = np.linalg.eigvalsh(np.swapaxes(scaled, 1, 2) @ tangent @ scaled)
+    return constants
+
+
+def spurious_modes(constants_sm: Float) -> Int:
+    """(n_shapes,) number of modes with no, or hardly any, energy besides the three rigid motions."""
+    count: Int = (constants_sm < SPURIOUS).sum(axis=1)
+    return count
+
+
+class StabilityTest:
+    """Asks of many shapes whether all their constants reach a bound, which takes no eigenvalues.
+
+    They do if K - least R is positive definite once the rigid motions, the common kernel, are lifted.
+
+    Args:
+        shapes: the polygons.
+    """
+
+    def __init__(self, shapes: Shapes) -> None:
+        geometry, k = shapes.geometry, shapes.order
+        self._reference = stabilised_tangent(geometry, shapes.elliptic_cad, k)
+        one, xi, eta = np.moveaxis(dofs_of_monomials(geometry, k)[:, :, :3], 2, 0)
+        zero = np.zeros_like(one)
+        motions = np.stack([np.hstack([one, zero]), np.hstack([zero, one]), np.hstack([-eta, xi])], axis=1)
+        size = np.einsum("saa->s", self._reference) / self._reference.shape[1]
+        motions *= np.sqrt(size[:, None] / np.einsum("sma,sma->sm", motions, motions))[:, :, None]
+        self._motions = motions
+
+    def passes(self, tables: Tables, chosen: Int, least: float) -> NDArray[np.bool_]:
+        """Whether each of the ``chosen`` shapes, whose tables are given, has no constant below ``least``."""
+        result = np.empty(len(chosen), dtype=bool)
+        for first in range(0, len(chosen), CHUNK):
+            part = slice(first, first + CHUNK)
+            at = chosen[part]
+            matrices = element_tangent(tables.take(part))
+            matrices -= least * self._reference[at]
+            matrices += np.swapaxes(self._motions[at], 1, 2) @ self._motions[at]
+            result[part] = positive_definite(matrices)
+        return result
+
+
+def positive_definite(matrices_sab: Float) -> NDArray[np.bool_]:
+    """Whether symmetric matrices, which are overwritten, are positive definite."""
+    from scipy.linalg.lapack import dpotrf
+
+    finite = np.isfinite(matrices_sab).all(axis=(1, 2)).tolist()
+    # symmetric matrices are their own transposes, which LAPACK takes in place
+    columns = np.swapaxes(matrices_sab, 1, 2)
+    return np.array(
+        [f and dpotrf(a, overwrite_a=1, clean=0)[1] == 0 for f, a in zip(finite, columns, strict=True)], bool
+    )
+
+
+def element_tangent(tables: Tables) -> Float:
+    """Tangent (n_shapes, 2 n_basis, 2 n_basis) of plane elasticity with the quadrature of the element."""
+    first = tables.gradients.first_stxma
+    if first.shape[1] > 1 or tables.w_sq.shape[1] <= first.shape[3]:
+        gradient = np.moveaxis(tables.rows(2), 2, 0)
+        return elastic_tangent(gradient, gradient * tables.w_sq[..., None])
+    # fewer monomials than points: sums over points are products with the monomials' mass matrix
+    m = monomials.values(degree_of(first.shape[3]), tables.xi_sqx)
+    mass = np.swapaxes(m, 1, 2) @ (m * tables.w_sq[..., None])
+    coefficients = np.moveaxis(first[:, 0], 1, 0)
+    return elastic_tangent(coefficients, mass @ coefficients)
+
+
+def elastic_tangent(gradient_xsqa: Float, weighted_xsqa: Float) -> Float:
+    """Tangent (n_shapes, 2 n, 2 n) of plane elasticity with lambda = mu = 1, all x components first."""
+    d, w = gradient_xsqa, weighted_xsqa
+    xx, yy, xy = (np.swapaxes(d[i], 1, 2) @ w[j] for i, j in ((0, 0), (1, 1), (0, 1)))
+    n = xx.shape[1]
+    tangent = np.empty((len(xx), 2 * n, 2 * n))
+    both = xx + yy
+    tangent[:, :n, :n], tangent[:, n:, n:] = both + 2.0 * xx, both + 2.0 * yy
+    tangent[:, :n, n:] = tangent[:, n:, :n] = xy + np.swapaxes(xy, 1, 2)
+    return tangent
+
+
+def stabilised_tangent(geometry: PolygonGeometry, elliptic_sad: Float, k: int) -> Float:
+    """Elastic tangent of the virtual element with Pi0_(k-1) grad and the diagonal recipe for the stabilisation.
+
+    The recipe, ``sum_i max(1, K_ii) dof_i(v - Pi v)^2``, is that of Beirao da Veiga, Dassi & Russo (2017) for high k.
+    """
+    gradient = np.stack(gradient_projector(geometry, k, k - 1, elliptic_sad))
+    mass = geometry.mass(k - 1) * geometry.diameter_c[:, None, None] ** 2
+    reference = elastic_tangent(gradient, mass @ gradient)
+    remainder = np.eye(elliptic_sad.shape[2]) - dofs_of_monomials(geometry, k) @ elliptic_sad
+    n_basis = len(remainder[0])
+    weight = np.maximum(1.0, np.einsum("caa->ca", reference)[:, :n_basis])
+    stabilisation = np.swapaxes(remainder, 1, 2) @ (weight[:, :, None] * remainder)
+    reference[:, :n_basis, :n_basis] += stabilisation
+    reference[:, n_basis:, n_basis:] += stabilisation
+    return reference
