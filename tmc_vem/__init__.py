@@ -8,23 +8,27 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from tmc_vem.moved import install as _find_moved_modules
+from tmc_vem.support.version import VERSION as __version__
+
 if TYPE_CHECKING:
     from tmc_vem.problems import Box, Material, Medium
-    from tmc_vem.results.records import RunResult
+    from tmc_vem.results.run_result import RunResult
     from tmc_vem.simulation.simulation import RunOptions, run
-
-__version__ = "0.1.0"
 
 _LAZY = {
     "Box": "tmc_vem.problems",
     "Material": "tmc_vem.problems",
     "Medium": "tmc_vem.problems",
     "RunOptions": "tmc_vem.simulation.simulation",
-    "RunResult": "tmc_vem.results.records",
+    "RunResult": "tmc_vem.results.run_result",
     "run": "tmc_vem.simulation.simulation",
 }
 
 __all__ = ["Box", "Material", "Medium", "RunOptions", "RunResult", "__version__", "run"]
+
+
+_find_moved_modules()
 
 
 def __getattr__(name: str) -> Any:

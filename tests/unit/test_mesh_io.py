@@ -11,9 +11,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tmc_vem.mesh import PolygonMesh, Rectangle, structured_quadrilaterals
-from tmc_vem.mesh.check import find_faults, repair
+from tmc_vem.mesh.check import find_faults
 from tmc_vem.mesh.files.io import FORMATS, read_mesh, write_mesh
 from tmc_vem.mesh.make.outline import Region
+from tmc_vem.mesh.make.repair import repair
 from tmc_vem.mesh.make.triangles import triangle_mesh
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.problems import Box, CBox, Punch

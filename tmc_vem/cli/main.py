@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from tmc_vem import __version__
+from tmc_vem.support.version import VERSION
 
 # command: (module, attribute, line for --help). Modules are imported when a command is used, so that --help is quick.
 COMMANDS = {
@@ -48,7 +48,7 @@ class LazyGroup(click.Group):
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="tmc-vem")
+@click.version_option(VERSION, prog_name="tmc-vem")
 def cli() -> None:
     """Third medium contact with stabilization-free virtual elements.
 

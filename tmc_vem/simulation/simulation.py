@@ -11,7 +11,7 @@ from typing import Any
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.base import Problem, RegionEnergy, media_of
 from tmc_vem.results.directory import RunDirectory
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import how_to_go_on
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.solve.path import Control, ControlPath
