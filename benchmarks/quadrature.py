@@ -12,7 +12,7 @@ import argparse
 from harness import report
 
 from tmc_vem.problems import Box, Medium
-from tmc_vem.simulation.simulation import RunOptions, run
+from tmc_vem.simulation import RunOptions, run
 from tmc_vem.vem.spaces.element import RULES, ElementSettings
 
 CASES = [  # cells, regulariser, beta, alpha_r, gamma

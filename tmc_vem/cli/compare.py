@@ -172,7 +172,7 @@ def _three(option: str, given: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def _methods(options: dict[str, Any]) -> dict[str, Any]:
-    from tmc_vem.simulation.simulation import RunOptions
+    from tmc_vem.simulation.options import RunOptions
     from tmc_vem.system.fem_settings import FemSettings
     from tmc_vem.vem.spaces.element import ElementSettings
 

@@ -269,7 +269,7 @@ def solve(make_problem: Callable[[Any], Any], options: dict[str, Any]) -> None:
         InputError, CodegenError: bad input.
         ConvergenceError: the full load was not reached; what converged is in the run directory.
     """
-    from tmc_vem.simulation.simulation import RunOptions
+    from tmc_vem.simulation.options import RunOptions
 
     problem = make_problem(chosen_medium(options))
     settings = RunOptions(

@@ -325,7 +325,7 @@ class ProblemTable:
         gap: two points whose distance is reported; short for a probe of that name.
         probes: what else is measured at every load step, by name.
         units: of length and force; any consistent set by default.
-        solve: method and steps, as in :class:`tmc_vem.simulation.simulation.RunOptions`.
+        solve: method and steps, as in :class:`tmc_vem.simulation.options.RunOptions`.
     """
 
     name: str
