@@ -6,61 +6,95 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from tmc_vem.support.errors import InputError
-from tmc_vem.support.validation import check_fields, require_choice, require_finite, require_known, require_positive
+from tmc_vem.support.settings import about, described
+from tmc_vem.support.validation import check_fields, require_finite, require_known, require_positive
 from tmc_vem.system.fem_settings import FemSettings
-from tmc_vem.vem.spaces.element import ElementSettings
+from tmc_vem.vem.spaces.settings import ElementSettings
 
 METHODS = ("vem", "fem")
 CONTINUED = ("gamma", "alpha_r")
 
 
+@described
 @dataclass(frozen=True)
 class RunOptions:
-    """How a problem is discretised and solved.
+    """How a problem is discretised and solved."""
 
-    Attributes:
-        method: 'vem' for virtual elements, 'fem' for Lagrange elements in dolfinx.
-        element: order, projection degree and quadrature of the virtual elements.
-        fem: order, quadrature and interior penalty of the Lagrange elements.
-        steps: equal load steps, or None for automatic ones.
-        largest_step: largest automatic step, as a fraction of the load.
-        solver: linear solver, 'direct', 'reproducible', 'iterative' or a file of PETSc options.
-        path: load factors to go through one after another: (0, 1, 0) loads and unloads.
-        output_loads: load factors to hit exactly and write, besides those of the path.
-        continuation: values of the medium's gamma or alpha_r that the first leg of the path is gone with; at its end
-            they are brought to those of the problem step by step, and the rest of the path follows.
-        allow_overlap: take converged states in which solids overlap, which are refused else.
-        follow: follow the equilibrium branch through limit points by its length, the load going back there, instead of
-            jumping to another branch.
-        max_iterations: Newton iterations after which the run ends, or None; failed attempts count.
-        max_seconds: wall time after which the run ends, or None.
-        snapshots: load steps that are written as VTU files, evenly spread over the load.
-        triangulated: write them once more with cells cut into triangles, in which all filters of VTK are exact.
-        checkpoint_every: converged load steps between checkpoints in the output directory; 0 for none.
-        overwrite: replace an earlier run in the output directory.
-    """
-
-    method: str = "vem"
-    element: ElementSettings = field(default_factory=ElementSettings)
-    fem: FemSettings = field(default_factory=FemSettings)
-    steps: int | None = None
-    largest_step: float = 0.1
-    solver: str = "direct"
-    path: tuple[float, ...] = (0.0, 1.0)
-    output_loads: tuple[float, ...] = ()
-    continuation: Mapping[str, float] = field(default_factory=dict)
-    follow: bool = False
-    allow_overlap: bool = False
-    max_iterations: int | None = None
-    max_seconds: float | None = None
-    snapshots: int = 10
-    triangulated: bool = False
-    checkpoint_every: int = 1
-    overwrite: bool = False
+    method: str = field(
+        default="vem",
+        metadata=about("Virtual elements, or Lagrange elements in dolfinx for comparison.", choices=METHODS),
+    )
+    element: ElementSettings = field(
+        default_factory=ElementSettings,
+        metadata=about("Order, projection and quadrature of the virtual elements."),
+    )
+    fem: FemSettings = field(
+        default_factory=FemSettings,
+        metadata=about("Order, quadrature and interior penalty of the Lagrange elements."),
+    )
+    steps: int | None = field(
+        default=None, metadata=about("Equal load steps (the paper's box: 100).", none="automatic steps")
+    )
+    largest_step: float = field(
+        default=0.1, metadata=about("Largest automatic step, as a fraction of the load, above 0 and up to 1.")
+    )
+    solver: str = field(
+        default="direct",
+        metadata=about(
+            "Linear solver: direct; reproducible (same bits in every run on as many ranks); iterative; or FILE with "
+            "PETSc options (prefix tmc_)."
+        ),
+    )
+    path: tuple[float, ...] = field(
+        default=(0.0, 1.0),
+        metadata=about(
+            "Load factors to go through one after another: 0 1 0 1 to load, unload and load again.",
+            detail="As a tuple, (0, 1, 0, 1); the first is 0.",
+        ),
+    )
+    output_loads: tuple[float, ...] = field(
+        default=(), metadata=about("Load factor to hit exactly and write, besides those of the path.")
+    )
+    continuation: Mapping[str, float] = field(
+        default_factory=dict,
+        metadata=about(
+            "Load with this gamma or alpha_r, then bring it to the wanted value at full load.",
+            detail="The first leg of the path is gone with it; at its end the parameter is brought to that of the "
+            "problem step by step, and the rest of the path follows.",
+        ),
+    )
+    follow: bool = field(
+        default=False,
+        metadata=about(
+            "Follow the branch through limit points, where the load goes back, instead of jumping to another.",
+            detail="It is followed by its length.",
+        ),
+    )
+    allow_overlap: bool = field(
+        default=False,
+        metadata=about("Go on where solids overlap, for those who study it: such states are refused else."),
+    )
+    max_iterations: int | None = field(
+        default=None,
+        metadata=about(
+            "Stop after this many Newton iterations; resume goes on.",
+            none="no limit",
+            detail="Failed attempts count.",
+        ),
+    )
+    max_seconds: float | None = field(
+        default=None, metadata=about("Stop after this wall time; resume goes on.", none="no limit")
+    )
+    snapshots: int = field(default=10, metadata=about("Load steps written for ParaView, evenly spread over the load."))
+    triangulated: bool = field(
+        default=False,
+        metadata=about("Write them once more, cut into triangles, in which all filters of VTK are exact."),
+    )
+    checkpoint_every: int = field(default=1, metadata=about("Load steps from one checkpoint to the next; 0 for none."))
+    overwrite: bool = field(default=False, metadata=about("Replace an earlier run in the run directory."))
 
     def __post_init__(self) -> None:
         check_fields(self)
-        require_choice("method", self.method, METHODS)
         if not 0 <= self.snapshots <= 10_000:
             raise InputError(f"snapshots = {self.snapshots}: use 0 to 10000")
         if self.checkpoint_every < 0:
