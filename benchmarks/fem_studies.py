@@ -20,7 +20,7 @@ from mpi4py import MPI
 from tmc_vem.fem.system import FemSystem
 from tmc_vem.problems import Box, Medium
 from tmc_vem.report.richardson import extrapolate
-from tmc_vem.simulation.simulation import compile_region
+from tmc_vem.simulation import compile_region
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 from tmc_vem.support.errors import TmcError

@@ -14,8 +14,8 @@ from harness import interleaved, report
 from mpi4py import MPI
 
 from tmc_vem.problems import Box
+from tmc_vem.simulation import METHODS, RunOptions, discretise
 from tmc_vem.simulation.overlap import OverlapWatch
-from tmc_vem.simulation.simulation import METHODS, RunOptions, discretise
 from tmc_vem.system.discretisation import Evaluation, RegionValues
 
 SQUEEZED = Evaluation(0.0, {"medium": RegionValues(0.0, 0.05)})

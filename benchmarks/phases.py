@@ -22,7 +22,7 @@ from petsc4py import PETSc
 
 from codegen.batch import Tangents
 from tmc_vem.problems import Box, Medium
-from tmc_vem.simulation.simulation import RunOptions, discretise, run
+from tmc_vem.simulation import RunOptions, discretise, run
 from tmc_vem.solve.linear import LinearSolver
 
 EVENTS = {"symbolic": "MatCholFctrSym", "numeric": "MatCholFctrNum", "solve": "MatSolve"}

@@ -23,13 +23,13 @@ from numpy.typing import NDArray
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.problems import Bodies, Box, CBox, Problem, Punch
-from tmc_vem.problems.base import Medium
+from tmc_vem.problems.materials import Medium
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import read_fields, snapshots
-from tmc_vem.simulation.simulation import RunOptions, run
+from tmc_vem.simulation import RunOptions, run
 from tmc_vem.support.errors import TmcError
 from tmc_vem.system.fields import Fields
-from tmc_vem.vem.spaces.element import PROJECTIONS, ElementSettings
+from tmc_vem.vem.spaces.settings import PROJECTIONS, ElementSettings
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

@@ -12,8 +12,8 @@ import argparse
 from harness import report
 
 from tmc_vem.problems import Box, Medium
-from tmc_vem.simulation.simulation import RunOptions, run
-from tmc_vem.vem.spaces.element import RULES, ElementSettings
+from tmc_vem.simulation import RunOptions, run
+from tmc_vem.vem.spaces.settings import RULES, ElementSettings
 
 CASES = [  # cells, regulariser, beta, alpha_r, gamma
     ("quadrilaterals", "huhu_lulu", 5.0, 1.0, 1e-5),

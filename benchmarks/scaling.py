@@ -37,8 +37,8 @@ def measure(nx: int, ny: int, solver: str, gamma: float, uy: float, repeat: int)
     from mpi4py import MPI
 
     from tmc_vem.problems import Box, Medium
+    from tmc_vem.simulation import RunOptions, discretise
     from tmc_vem.simulation.balance import balance
-    from tmc_vem.simulation.simulation import RunOptions, discretise
     from tmc_vem.solve.linear import LinearSolver
     from tmc_vem.solve.newton import NewtonSolver
     from tmc_vem.solve.stepping import LoadStepper

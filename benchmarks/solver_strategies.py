@@ -19,12 +19,12 @@ from mpi4py import MPI
 
 from tmc_vem.problems import Box, CBox, Medium, Punch
 from tmc_vem.problems.cbox import angle_medium
-from tmc_vem.simulation.simulation import RunOptions, control_path, discretise
+from tmc_vem.simulation import RunOptions, control_path, discretise
 from tmc_vem.solve.budget import Budget
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 from tmc_vem.system.fem_settings import INTERIOR_PENALTIES, FemSettings
-from tmc_vem.vem.spaces.element import RULES, ElementSettings
+from tmc_vem.vem.spaces.settings import RULES, ElementSettings
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import Any
 from harness import report
 
 from tmc_vem.problems import Box, Medium
-from tmc_vem.simulation.simulation import RunOptions, run
+from tmc_vem.simulation import RunOptions, run
 from tmc_vem.system.fem_settings import FemSettings
 
 MESHES = [(20, 5), (20, 10), (40, 10), (40, 20), (80, 20)]

@@ -48,7 +48,7 @@ def test_every_option_of_the_table_is_one_of_problem_files() -> None:
     """The right column of the how-to page on solver options; each changes what is run."""
     import tomllib
 
-    from tmc_vem.simulation.simulation import RunOptions
+    from tmc_vem.simulation import RunOptions
     from tmc_vem.support.validation import build
 
     page = (ROOT / "docs/howto/solver-options.md").read_text()
@@ -63,7 +63,7 @@ def test_examples_of_problem_files_are_read(tmp_path: Path) -> None:
     import tomllib
 
     from tmc_vem.problems.description import ProbeTable
-    from tmc_vem.simulation.simulation import RunOptions
+    from tmc_vem.simulation import RunOptions
     from tmc_vem.support.validation import build
 
     page = (ROOT / "docs/guide/problem-files.md").read_text()

@@ -14,18 +14,21 @@ from tmc_vem.support.version import VERSION as __version__
 if TYPE_CHECKING:
     from tmc_vem.problems import Box, Material, Medium
     from tmc_vem.results.run_result import RunResult
-    from tmc_vem.simulation.simulation import RunOptions, run
+    from tmc_vem.simulation.options import RunOptions
+    from tmc_vem.simulation.simulation import Simulation, prepare, run
 
 _LAZY = {
     "Box": "tmc_vem.problems",
     "Material": "tmc_vem.problems",
     "Medium": "tmc_vem.problems",
-    "RunOptions": "tmc_vem.simulation.simulation",
+    "RunOptions": "tmc_vem.simulation.options",
     "RunResult": "tmc_vem.results.run_result",
+    "Simulation": "tmc_vem.simulation.simulation",
+    "prepare": "tmc_vem.simulation.simulation",
     "run": "tmc_vem.simulation.simulation",
 }
 
-__all__ = ["Box", "Material", "Medium", "RunOptions", "RunResult", "__version__", "run"]
+__all__ = ["Box", "Material", "Medium", "RunOptions", "RunResult", "Simulation", "__version__", "prepare", "run"]
 
 
 _find_moved_modules()

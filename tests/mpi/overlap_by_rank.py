@@ -17,9 +17,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from helpers_blocks import blocks
 from helpers_system import interpolate
 
+from tmc_vem.simulation import RunOptions, discretise
 from tmc_vem.simulation.overlap import OverlapWatch
 from tmc_vem.simulation.problem_file import read_problem
-from tmc_vem.simulation.simulation import RunOptions, discretise
 from tmc_vem.system.discretisation import Evaluation, RegionValues
 
 SQUEEZED = Evaluation(0.0, {"medium": RegionValues(0.0, 0.05)})

@@ -16,7 +16,7 @@ from helpers_process import clean_environment
 
 from tmc_vem.problems import Box, Medium
 from tmc_vem.results.lock import DirectoryLock
-from tmc_vem.simulation.simulation import RunOptions
+from tmc_vem.simulation import RunOptions
 from tmc_vem.study.batch import LOCK, Job, Observer, Outcome, run_batch
 from tmc_vem.support.errors import InputError
 
@@ -144,7 +144,7 @@ import sys
 from pathlib import Path
 from tmc_vem.study.batch import Job, run_batch
 from tmc_vem.problems import Box
-from tmc_vem.simulation.simulation import RunOptions
+from tmc_vem.simulation import RunOptions
 jobs = [Job("box", Box(cells=(20, 5), uy=-0.02 - 0.001 * n), RunOptions(snapshots=0)) for n in range(3)]
 run_batch(jobs, Path(sys.argv[1]), processes=1)
 """

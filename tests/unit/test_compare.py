@@ -23,7 +23,7 @@ from tmc_vem.report.richardson import Extrapolation
 from tmc_vem.report.write import to_markdown
 from tmc_vem.results.records import StepRecord
 from tmc_vem.results.run_result import RunResult
-from tmc_vem.simulation.simulation import RunOptions
+from tmc_vem.simulation import RunOptions
 from tmc_vem.study.compare import METHODS, cbox_study, compare, converged, voronoi_study
 from tmc_vem.study.paper import table2 as paper_table2
 from tmc_vem.study.paper import table3 as paper_table3

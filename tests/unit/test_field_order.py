@@ -30,8 +30,8 @@ from tmc_vem.simulation.gauge import Gauge
 from tmc_vem.simulation.overlap import OverlapWatch
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.fields import Polygons
-from tmc_vem.vem.spaces.element import ElementSettings
 from tmc_vem.vem.spaces.quadrature import gauss_lobatto
+from tmc_vem.vem.spaces.settings import ElementSettings
 
 Float = NDArray[np.float64]
 SOLID = region("solid", K=20.0, mu=10.0)

@@ -21,7 +21,7 @@ def test_only_compat_knows_versions_of_dolfinx() -> None:
 
 
 def test_importing_the_package_loads_nothing_heavy() -> None:
-    code = "import sys, tmc_vem, tmc_vem.energy, tmc_vem.cli.main; print(*sys.modules)"
+    code = "import sys, tmc_vem, tmc_vem.energy, tmc_vem.cli.main, tmc_vem.cli.run; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     heavy = {"numpy", "sympy", "petsc4py", "mpi4py", "matplotlib", "meshio", "scipy", "dolfinx", "ufl", "rich"}
     assert not heavy & set(loaded)

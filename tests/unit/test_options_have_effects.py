@@ -19,10 +19,10 @@ from tmc_vem.cli import run as commands
 from tmc_vem.mesh.geometry import areas
 from tmc_vem.problems import Bodies, CBox, Material, Problem, Punch
 from tmc_vem.problems.base import medium_region
+from tmc_vem.simulation import discretise, run_inputs
 from tmc_vem.simulation.problem_file import read_problem
-from tmc_vem.simulation.simulation import discretise, run_inputs
 from tmc_vem.system.fem_settings import FemSettings
-from tmc_vem.vem.spaces.element import ElementSettings
+from tmc_vem.vem.spaces.settings import ElementSettings
 
 # -- the command line ------------------------------------------------------------------------------------------------
 

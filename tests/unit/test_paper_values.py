@@ -164,7 +164,7 @@ def from_command(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> tuple[Prob
 
 @pytest.mark.parametrize("problem", [Box(), CBox(), Punch(), Bodies()], ids=lambda problem: problem.name)
 def test_a_command_without_options_is_the_benchmark_of_python(problem: Problem, monkeypatch: Any) -> None:
-    from tmc_vem.simulation.simulation import RunOptions
+    from tmc_vem.simulation import RunOptions
 
     made, settings = from_command(monkeypatch, problem.name)
     assert made == problem

@@ -201,9 +201,9 @@ def test_a_run_has_all_of_its_media_judged(monkeypatch: pytest.MonkeyPatch) -> N
     """A box whose medium is two regions."""
     import dataclasses
 
+    from tmc_vem.problems.base import media_of
     from tmc_vem.problems.wrapped import Wrapped
     from tmc_vem.simulation import recorder
-    from tmc_vem.simulation.simulation import media_of
 
     class Halves(Wrapped):
         def regions(self) -> Any:

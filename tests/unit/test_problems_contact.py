@@ -131,7 +131,7 @@ def test_refusals(make, message):
 def test_small_runs_reach_their_load_without_interpenetration(problem, tmp_path):
     from tmc_vem.results.contact.contact import check_contact
     from tmc_vem.results.snapshots import read_fields, snapshots
-    from tmc_vem.simulation.simulation import RunOptions, run
+    from tmc_vem.simulation import RunOptions, run
 
     result = run(problem, tmp_path / "run", RunOptions(snapshots=1))
     assert result.complete, result.reason
@@ -143,8 +143,8 @@ def test_small_runs_reach_their_load_without_interpenetration(problem, tmp_path)
 def on_coarse_box(make_mesh=None, projection="auto", **more):
     """Gap and reaction on 20 x 5 squares, where the gap at one point depends on the mesh (docs/projection.md): results
     with hanging nodes are compared with those without, not with the converged ones."""
-    from tmc_vem.simulation.simulation import RunOptions, run
-    from tmc_vem.vem.spaces.element import ElementSettings
+    from tmc_vem.simulation import RunOptions, run
+    from tmc_vem.vem.spaces.settings import ElementSettings
 
     problem = Box(cells=(20, 5), **more)
     if make_mesh is not None:
@@ -195,6 +195,6 @@ def test_composite_functions_everywhere_give_the_same_contact():
 
 @pytest.mark.slow
 def test_gap_of_the_box_of_voronoi_cells():
-    from tmc_vem.simulation.simulation import run
+    from tmc_vem.simulation import run
 
     assert run(Box(cells=(40, 10), cell_kind="voronoi")).gap == pytest.approx(2.01e-3, rel=0.03)

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tmc_vem.problems import Bodies, Box, CBox, Material, Medium, Punch
-from tmc_vem.simulation.simulation import RunOptions
+from tmc_vem.simulation import RunOptions
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import (
     build,
@@ -24,7 +24,7 @@ from tmc_vem.support.validation import (
     require_within,
 )
 from tmc_vem.system.fem_settings import FemSettings
-from tmc_vem.vem.spaces.element import ElementSettings
+from tmc_vem.vem.spaces.settings import ElementSettings
 
 TABLES = (Box, CBox, Punch, Bodies, Medium, Material, ElementSettings, FemSettings, RunOptions)
 

@@ -8,15 +8,12 @@ from helpers_mesh import SHAPES, SQUARE_IN_THREE, grid, hanging, mesh_of, vorono
 from helpers_oracle import Oracle, powers
 
 from tmc_vem.support.errors import InputError
-from tmc_vem.vem.spaces import element
+from tmc_vem.vem.spaces.candidates import STABLE, first_candidate
 from tmc_vem.vem.spaces.composite import CompositeSpace
-from tmc_vem.vem.spaces.element import (
-    ElementSettings,
-    build_elements,
-    congruence_classes,
-)
+from tmc_vem.vem.spaces.element import build_elements, congruence_classes
 from tmc_vem.vem.spaces.quadrature import sub_triangles
 from tmc_vem.vem.spaces.rules import compressed, on_sub_triangles
+from tmc_vem.vem.spaces.settings import ElementSettings
 from tmc_vem.vem.spaces.spaces import FullSpace, Shapes
 from tmc_vem.vem.spaces.stability import StabilityTest, element_tangent, positive_definite, stability_constants
 from tmc_vem.vem.spaces.tabulated import points_and_values, tabulate
@@ -73,9 +70,9 @@ def test_only_rigid_motions_have_no_energy(name, k):
     def smallest_constant(degree):
         return stability_constants(polygon[None], tables_of(polygon, k, degree), k)[0, 0]
 
-    assert smallest_constant(group.degree) >= element.STABLE
-    lower = range(element.first_candidate(len(polygon), k), group.degree)
-    assert all(smallest_constant(degree) < element.STABLE for degree in lower)  # the smallest that does
+    assert smallest_constant(group.degree) >= STABLE
+    lower = range(first_candidate(len(polygon), k), group.degree)
+    assert all(smallest_constant(degree) < STABLE for degree in lower)  # the smallest that does
 
 
 def test_l_2_on_squares_is_refused_with_the_remedy():

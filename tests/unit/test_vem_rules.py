@@ -7,11 +7,12 @@ import pytest
 from helpers_mesh import SHAPES, regular, voronoi
 from helpers_oracle import powers
 
+from tmc_vem.vem.spaces.candidates import cell_rule
 from tmc_vem.vem.spaces.composite import CompositeSpace
-from tmc_vem.vem.spaces.element import ElementSettings
 from tmc_vem.vem.spaces.macro import MacroSpace
 from tmc_vem.vem.spaces.quadrature import on_triangles, sub_triangles
 from tmc_vem.vem.spaces.rules import compressed, convex, on_sub_triangles
+from tmc_vem.vem.spaces.settings import ElementSettings
 from tmc_vem.vem.spaces.spaces import FullSpace, HarmonicSpace, Shapes
 from tmc_vem.vem.spaces.stability import stability_constants
 from tmc_vem.vem.spaces.tabulated import tabulate
@@ -82,7 +83,7 @@ def test_few_points_keep_elements_as_stable_as_many(k, name):
     for space in (FullSpace(k), FullSpace(k + 1), HarmonicSpace(k, k + 2), CompositeSpace(k), MacroSpace(k)):
         shapes, found = Shapes.of(polygon, triangles, k, space.degree), []
         for rule in ("compressed", "triangles"):
-            chosen = ElementSettings(k, rule=rule).cell_rule(space, polygon, triangles)
+            chosen = cell_rule(ElementSettings(k, rule=rule), space, polygon, triangles)
             found.append(stability_constants(polygon, tabulate(shapes, space, chosen), k)[0, 0])
         assert found[0] > 0.4 * found[1] - 1e-8, space.label
 
@@ -90,9 +91,9 @@ def test_few_points_keep_elements_as_stable_as_many(k, name):
 def test_the_default_takes_few_points_on_quadrilaterals_only():
     for polygon, points in ((SHAPES["triangle"], 6), (SHAPES["square"], 16), (SHAPES["pentagon"], 30), (DART, 0)):
         ((_, triangles),) = sub_triangles(polygon[None])
-        rule = ElementSettings().cell_rule(FullSpace(3), polygon[None], triangles)
+        rule = cell_rule(ElementSettings(), FullSpace(3), polygon[None], triangles)
         assert rule.w_sq.shape == (1, 6 * triangles.shape[1] if polygon is DART else points)
-        few = ElementSettings(rule="compressed").cell_rule(FullSpace(3), polygon[None], triangles)
+        few = cell_rule(ElementSettings(rule="compressed"), FullSpace(3), polygon[None], triangles)
         assert few.w_sq.shape[1] <= 15
-        piecewise = ElementSettings(rule="compressed").cell_rule(CompositeSpace(2), polygon[None], triangles)
+        piecewise = cell_rule(ElementSettings(rule="compressed"), CompositeSpace(2), polygon[None], triangles)
         assert piecewise.w_sq.shape[1] == 6 * triangles.shape[1]

@@ -17,7 +17,7 @@ from tmc_vem.mesh.make.outline import Region
 from tmc_vem.mesh.make.triangles import triangle_mesh
 from tmc_vem.results.output import SnapshotWriter
 from tmc_vem.support.errors import InputError
-from tmc_vem.vem.spaces.element import ElementSettings
+from tmc_vem.vem.spaces.settings import ElementSettings
 
 SLOPE = np.array([[0.3, -0.2], [0.15, 0.4]])
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]

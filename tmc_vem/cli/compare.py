@@ -5,14 +5,17 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
-from tmc_vem.cli.run import angle_medium_options, chosen_medium, medium_options
+from tmc_vem.cli.options import angle_medium_options, chosen_medium, medium_options, penalty_option
+from tmc_vem.cli.settings import Decorator, setting, with_options
+from tmc_vem.simulation.options import RunOptions
 from tmc_vem.support.errors import InputError, TmcError
+from tmc_vem.system.fem_settings import FemSettings
+from tmc_vem.vem.spaces.settings import ElementSettings
 
 FACTORS, QUICK_FACTORS = (1, 2, 4), (1, 2, 3)
 
@@ -26,44 +29,25 @@ def compare_group() -> None:
     """
 
 
-def batch_options(out: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def batch_options(out: str) -> Decorator:
     """Options of every command that does a batch of runs."""
-
-    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        options = [
-            click.option("--out", type=click.Path(path_type=Path), default=Path(out), show_default=True,
+    return with_options(
+        [
+            click.Option(["--out"], type=click.Path(path_type=Path), default=Path(out), show_default=True,
                          help="Where report and runs go."),
-            click.option("--jobs", type=click.IntRange(1, 256), default=min(2, os.cpu_count() or 1), show_default=True,
-                         help="Runs at a time."),
-            click.option("--quick", is_flag=True, help="Coarse meshes."),
-        ]  # fmt: skip
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return decorate
+            click.Option(["--jobs"], type=click.IntRange(1, 256), default=min(2, os.cpu_count() or 1),
+                         show_default=True, help="Runs at a time."),
+            click.Option(["--quick"], is_flag=True, help="Coarse meshes."),
+        ]
+    )  # fmt: skip
 
 
-def study_options(penalty: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def study_options(penalty: str) -> Decorator:
     """Options of discretisation and load stepping that all comparisons share."""
-
-    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        options = [
-            click.option("--order", type=int, default=2, show_default=True, help="Order k of the elements: 2 or 3."),
-            click.option("--steps", type=int, help="Equal load steps. Default: automatic steps."),
-            click.option(
-                "--interior-penalty", type=click.Choice(["none", "penalty", "full"]), default=penalty,
-                show_default=True, help="fem: jumps of the gradient between elements of the medium.",
-            ),
-        ]  # fmt: skip
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return decorate
+    return with_options([setting(FemSettings, "order"), setting(RunOptions, "steps"), penalty_option(penalty)])
 
 
-def factor_option(cells: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def factor_option(cells: str) -> Decorator:
     """Option for the meshes of structured problems."""
     text = f"Mesh of {cells} cells; give three or more. Default: 1, 2, 4; with --quick 1, 2, 3."
     return click.option("--factor", "factors", type=click.IntRange(1), multiple=True, metavar="N", help=text)
@@ -75,7 +59,7 @@ size_option = click.option(
 
 
 @compare_group.command("box")
-@medium_options
+@medium_options()
 @click.option("--uy", type=float, default=-1.0, show_default=True, help="Displacement of the middle of the top.")
 @factor_option("20 N x 5 N")
 @study_options("none")
@@ -171,11 +155,7 @@ def _three(option: str, given: tuple[Any, ...]) -> tuple[Any, ...]:
     return chosen
 
 
-def _methods(options: dict[str, Any]) -> dict[str, Any]:
-    from tmc_vem.simulation.simulation import RunOptions
-    from tmc_vem.system.fem_settings import FemSettings
-    from tmc_vem.vem.spaces.element import ElementSettings
-
+def _methods(options: dict[str, Any]) -> dict[str, RunOptions]:
     order, steps = options["order"], options["steps"]
     fem = FemSettings(order=order, interior_penalty=options["interior_penalty"])
     return {

@@ -220,7 +220,8 @@ def describe(mesh: Any, order: int) -> list[tuple[str, str]]:
     import numpy as np
 
     from tmc_vem.mesh.quality import measure
-    from tmc_vem.vem.spaces.element import ElementSettings, build_elements
+    from tmc_vem.vem.spaces.element import build_elements
+    from tmc_vem.vem.spaces.settings import ElementSettings
 
     quality = measure(mesh)
     settings = ElementSettings(order=order)

@@ -8,7 +8,10 @@ from typing import Any
 
 import click
 
-from tmc_vem.cli.run import RESUME, run_group
+from tmc_vem.cli.execute import RESUME
+from tmc_vem.cli.options import display_options
+from tmc_vem.cli.run import run_group
+from tmc_vem.cli.settings import with_options
 from tmc_vem.results.lock import is_held
 from tmc_vem.results.unfinished import COMMAND, how_to_go_on
 from tmc_vem.support.errors import InputError
@@ -16,8 +19,7 @@ from tmc_vem.support.errors import InputError
 
 @click.command("resume")
 @click.argument("directory", type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="Print result.json on stdout, and nothing else.")
-@click.option("--quiet", is_flag=True, help="No progress display and no summary.")
+@with_options(display_options())
 @click.option("--max-iterations", type=int, help="Stop after this many more Newton iterations. Default: no limit.")
 @click.option("--max-seconds", type=float, help="Stop after this wall time. Default: no limit.")
 @click.pass_context

@@ -36,6 +36,11 @@ class Regulariser:
     equation: str = ""
     parameters: tuple[str, ...] = ()
 
+    @property
+    def title(self) -> str:
+        """Its name, and the equation if it has a number."""
+        return f"{self.name} {self.equation}".rstrip()
+
 
 REGULARISERS: dict[str, Regulariser] = {
     regulariser.name: regulariser

@@ -15,7 +15,8 @@ from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.make.weld import weld
 from tmc_vem.mesh.parts import submesh, with_names
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, solid_region
+from tmc_vem.problems.base import RegionEnergy, medium_region, solid_region
+from tmc_vem.problems.materials import Material, Medium
 from tmc_vem.problems.probes import GAP, Gap, Probe
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units

@@ -11,9 +11,11 @@ import numpy as np
 from tmc_vem.mesh.make.estimate import STEEPEST
 from tmc_vem.mesh.make.far import near
 from tmc_vem.mesh.make.shapes import HUGE, Shape, disc, polygon, rectangle
-from tmc_vem.problems.base import Material, check_hold, chosen_weight
+from tmc_vem.problems.base import check_hold
+from tmc_vem.problems.materials import Material, Medium, chosen_weight
 from tmc_vem.problems.probes import GAP, Displacement, Gap, MeanJ, Place, Position, Probe, Reaction, check_name
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.settings import about, described, same_as
 from tmc_vem.support.units import Units
 from tmc_vem.support.validation import require_choice, require_finite, require_positive, require_within, shown
 from tmc_vem.system.constraints import COMPONENTS
@@ -147,29 +149,30 @@ class MeshTable:
             require_positive("size", self.size, "of the cells, a length")
 
 
+@described
 @dataclass(frozen=True)
 class MediumTable:
-    """Third medium (4): the attributes of :class:`tmc_vem.problems.base.Medium`, and the shear modulus it is scaled by.
+    """Third medium (4): the settings of :class:`tmc_vem.problems.materials.Medium`, and what they are scaled by.
 
-    Attributes:
-        gamma: stiffness relative to the solid.
-        alpha_r: weight of the regulariser, a modulus times a length squared; 1 if alpha is not given either.
-        alpha: the same without dimension, alpha_r = alpha mu h^2; instead of alpha_r.
-        h: width of the gap in that; by default the initial distance of the two points of the problem's ``gap``.
-        beta: exponent of the damping factor exp(-beta J); 0 leaves it out.
-        regulariser: a name of Table 1 or ``FILE.py:FUNCTION``, the file relative to the problem file.
-        parameters: of a regulariser of your own.
-        mu: shear modulus; by default that of the solid, if all solids have the same.
+    A regulariser in a file is named relative to the problem file.
     """
 
-    gamma: float = 1e-5
-    alpha_r: float | None = None
-    beta: float = 0.0
-    regulariser: str = "angle"
-    parameters: Mapping[str, float] = field(default_factory=dict)
-    mu: float | None = None
-    alpha: float | None = None
-    h: float | None = None
+    gamma: float = field(default=1e-5, metadata=same_as(Medium, "gamma"))
+    alpha_r: float | None = field(default=None, metadata=same_as(Medium, "alpha_r"))
+    beta: float = field(default=0.0, metadata=same_as(Medium, "beta"))
+    regulariser: str = field(default="angle", metadata=same_as(Medium, "regulariser"))
+    parameters: Mapping[str, float] = field(default_factory=dict, metadata=same_as(Medium, "parameters"))
+    mu: float | None = field(
+        default=None, metadata=about("Shear modulus that gamma multiplies.", none="that of all solids, if it is one")
+    )
+    alpha: float | None = field(default=None, metadata=same_as(Medium, "alpha"))
+    h: float | None = field(
+        default=None,
+        metadata=about(
+            "Width of the gap in alpha_r = alpha mu h^2.",
+            none="the initial distance of the two points of the problem's ``gap``",
+        ),
+    )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "alpha_r", chosen_weight(self.alpha_r, self.alpha))
@@ -325,7 +328,7 @@ class ProblemTable:
         gap: two points whose distance is reported; short for a probe of that name.
         probes: what else is measured at every load step, by name.
         units: of length and force; any consistent set by default.
-        solve: method and steps, as in :class:`tmc_vem.simulation.simulation.RunOptions`.
+        solve: method and steps, as in :class:`tmc_vem.simulation.options.RunOptions`.
     """
 
     name: str

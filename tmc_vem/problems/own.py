@@ -19,9 +19,10 @@ from tmc_vem.mesh.make.far import moved, near, origin_for
 from tmc_vem.mesh.make.shapes import combine
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Medium, RegionEnergy, medium_region, solid_region
+from tmc_vem.problems.base import RegionEnergy, medium_region, solid_region
 from tmc_vem.problems.conditions import check_conditions
 from tmc_vem.problems.description import ConditionTable, EdgesTable, MediumTable, ProblemTable
+from tmc_vem.problems.materials import Medium
 from tmc_vem.problems.probes import GAP, Gap, Place, Probe, check_probes
 from tmc_vem.problems.regularisers import require_traceable
 from tmc_vem.support.errors import InputError

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from tmc_vem.mesh.make.outline import Arc, Region
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Material, Medium, RegionEnergy, medium_region, solid_region
+from tmc_vem.problems.base import RegionEnergy, medium_region, solid_region
 from tmc_vem.problems.cbox import angle_medium
+from tmc_vem.problems.materials import Material, Medium
 from tmc_vem.problems.probes import GAP, Gap, Probe
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units

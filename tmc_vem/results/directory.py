@@ -47,17 +47,18 @@ class RunDirectory:
     def __init__(self, path: str | Path, *, overwrite: bool = False) -> None:
         self.path = Path(path)
         self._facts: dict[str, Any] = {}
+        self._overwrite = overwrite
         with _writable(self.path):
-            self._check(overwrite)
+            self._check()
 
-    def _check(self, overwrite: bool) -> None:
+    def _check(self) -> None:
         path = self.path
         if path.exists() and not path.is_dir():
             raise InputError(f"output directory {path} is a file: choose another name")
         if path.is_dir() and any(entry.name != LOCK for entry in path.iterdir()):
             if not any((path / name).exists() for name in (*MARKS, HISTORY)):
                 raise InputError(f"output directory {path} has other things in it: choose an empty or new one")
-            if not overwrite:
+            if not self._overwrite:
                 raise InputError(f"output directory {path} has a run in it: choose another, or say --overwrite")
         made = [p for p in (path, *path.absolute().parents) if not p.exists()]
         parent = made[-1].parent if made else path
@@ -87,7 +88,12 @@ class RunDirectory:
 
         Args:
             command: what the command line was asked, for a later ``tmc-vem resume``.
+
+        Raises:
+            InputError: there is a run by now that must not be replaced.
         """
+        with _writable(self.path):
+            self._check()
         self.path.mkdir(parents=True, exist_ok=True)
         remove_unfinished(self.path)
         for name in _OWN:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tmc_vem.problems.description import ProblemTable
 from tmc_vem.problems.own import OwnProblem
-from tmc_vem.simulation.simulation import RunOptions
+from tmc_vem.simulation.options import RunOptions
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import build, shown
 

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem
-from tmc_vem.simulation.simulation import RunOptions, discretise
+from tmc_vem.simulation.discretised import discretise
+from tmc_vem.simulation.options import RunOptions
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.places import Places
 

@@ -1,104 +1,37 @@
-"""Run a problem: mesh, kernels, discretisation, load stepping, results. The command line is a thin layer over this."""
+"""A run from the problem to its result: everything up to the first load step, and then the steps.
+
+The command line is a thin layer over this. PETSc is loaded when a run is prepared, not before, so that whoever wants to
+start it with options of his own can.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Problem, RegionEnergy, media_of
+from tmc_vem.problems.base import Problem, media_of
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import how_to_go_on
+from tmc_vem.simulation.discretised import discretise, require_finite_start
 from tmc_vem.simulation.monitor import Monitor
-from tmc_vem.solve.path import Control, ControlPath
+from tmc_vem.simulation.options import RunOptions
+from tmc_vem.simulation.plan import control_path, order_of, run_inputs, snapshot_times
 from tmc_vem.support.errors import InputError, TmcError
-from tmc_vem.support.parallel import on_every_rank, on_root
+from tmc_vem.support.parallel import on_root
 from tmc_vem.support.timing import Timer
-from tmc_vem.support.validation import check_fields, require_choice, require_finite, require_known, require_positive
-from tmc_vem.system.fem_settings import FemSettings
-from tmc_vem.vem.spaces.element import ElementSettings
 
-METHODS = ("vem", "fem")
-# How long a branch may be, in units of the load, with fields written along all of it.
-LONGEST_BRANCH = 10
-# Work of a medium's cell relative to a solid's: second derivatives make its tangent 3 times as dear.
-MEDIUM_COST = 2.5
-CONTINUED = ("gamma", "alpha_r")
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """How a problem is discretised and solved.
-
-    Attributes:
-        method: 'vem' for virtual elements, 'fem' for Lagrange elements in dolfinx.
-        element: order, projection degree and quadrature of the virtual elements.
-        fem: order, quadrature and interior penalty of the Lagrange elements.
-        steps: equal load steps, or None for automatic ones.
-        largest_step: largest automatic step, as a fraction of the load.
-        solver: linear solver, 'direct', 'reproducible', 'iterative' or a file of PETSc options.
-        path: load factors to go through one after another: (0, 1, 0) loads and unloads.
-        output_loads: load factors to hit exactly and write, besides those of the path.
-        continuation: values of the medium's gamma or alpha_r that the first leg of the path is gone with; at its end
-            they are brought to those of the problem step by step, and the rest of the path follows.
-        allow_overlap: take converged states in which solids overlap, which are refused else.
-        follow: follow the equilibrium branch through limit points by its length, the load going back there, instead of
-            jumping to another branch.
-        max_iterations: Newton iterations after which the run ends, or None; failed attempts count.
-        max_seconds: wall time after which the run ends, or None.
-        snapshots: load steps that are written as VTU files, evenly spread over the load.
-        triangulated: write them once more with cells cut into triangles, in which all filters of VTK are exact.
-        checkpoint_every: converged load steps between checkpoints in the output directory; 0 for none.
-        overwrite: replace an earlier run in the output directory.
-    """
-
-    method: str = "vem"
-    element: ElementSettings = field(default_factory=ElementSettings)
-    fem: FemSettings = field(default_factory=FemSettings)
-    steps: int | None = None
-    largest_step: float = 0.1
-    solver: str = "direct"
-    path: tuple[float, ...] = (0.0, 1.0)
-    output_loads: tuple[float, ...] = ()
-    continuation: Mapping[str, float] = field(default_factory=dict)
-    follow: bool = False
-    allow_overlap: bool = False
-    max_iterations: int | None = None
-    max_seconds: float | None = None
-    snapshots: int = 10
-    triangulated: bool = False
-    checkpoint_every: int = 1
-    overwrite: bool = False
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        require_choice("method", self.method, METHODS)
-        if not 0 <= self.snapshots <= 10_000:
-            raise InputError(f"snapshots = {self.snapshots}: use 0 to 10000")
-        if self.checkpoint_every < 0:
-            raise InputError(f"checkpoint every {self.checkpoint_every} steps: use 1 or more, or 0 for none")
-        if not 0.0 < self.largest_step <= 1.0:
-            raise InputError(f"largest step = {self.largest_step:g}: use a fraction of the load, above 0 and up to 1")
-        if self.path[:1] != (0.0,):
-            raise InputError(f"load path {' '.join(f'{load:g}' for load in self.path)} must begin with 0")
-        for load in self.output_loads:
-            require_finite("output load", load)
-            low, high = min(self.path), max(self.path)
-            if not low <= load <= high:
-                raise InputError(f"output load {load:g} is not on the load path, which goes from {low:g} to {high:g}")
-        require_known(self.continuation, CONTINUED, "continuation")
-        for name, value in self.continuation.items():
-            require_positive(f"continuation from {name}", value, "it is where the parameter starts from")
-        for name in ("path", "output_loads", "continuation", "steps"):
-            if self.follow and getattr(self, name) != getattr(RunOptions(), name):
-                raise InputError(f"follow does not go with {name}: the load is not prescribed along the branch")
-        for name in ("max_iterations", "max_seconds"):
-            if getattr(self, name) is not None:
-                require_positive(name, getattr(self, name), "or leave it out for no limit")
+if TYPE_CHECKING:
+    from tmc_vem.results.lock import DirectoryLock
+    from tmc_vem.simulation.interrupt import StopRequest
+    from tmc_vem.simulation.recorder import Recorder
+    from tmc_vem.solve.arclength import ArcLengthStepper
+    from tmc_vem.solve.budget import Budget
+    from tmc_vem.solve.newton import NewtonSolver
+    from tmc_vem.solve.path import ControlPath
+    from tmc_vem.solve.stepping import LoadStepper, SteppingOptions, SteppingResult
 
 
 def run(
@@ -131,35 +64,49 @@ def run(
         CodegenError: an energy's kernel cannot be made.
         Interrupted: Ctrl-C or SIGTERM; the last checkpoint is in the run directory.
     """
+    return prepare(problem, out, options, comm=comm, monitor=monitor, resume=resume, command=command).go()
+
+
+def prepare(
+    problem: Problem,
+    out: str | Path | None = None,
+    options: RunOptions | None = None,
+    *,
+    comm: Any = None,
+    monitor: Monitor | None = None,
+    resume: bool = False,
+    command: Mapping[str, Any] | None = None,
+) -> Simulation:
+    """Everything of :func:`run` before its first load step: mesh, kernels, checks of the problem; nothing is written.
+
+    Args:
+        problem, out, options, comm, monitor, resume, command: those of :func:`run`.
+
+    Returns:
+        What can be looked at, and goes when :meth:`Simulation.go` is called.
+
+    Raises:
+        InputError: the problem, the options or the output directory are wrong.
+        CodegenError: an energy's kernel cannot be made.
+    """
     from mpi4py import MPI
 
     from tmc_vem.problems.examine import examine, known_cause
-    from tmc_vem.results.plausibility import WARNING, Finding
     from tmc_vem.simulation.gauge import Gauge
-    from tmc_vem.simulation.interrupt import Interrupted, stop_requests
     from tmc_vem.simulation.overlap import OverlapWatch
     from tmc_vem.simulation.recorder import Recorder
-    from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
-    from tmc_vem.solve.budget import Budget
     from tmc_vem.solve.newton import NewtonSolver
-    from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 
     options = options or RunOptions()
     comm = MPI.COMM_WORLD if comm is None else comm
     monitor = monitor if monitor is not None and comm.rank == 0 else Monitor()
     timer = Timer()
-    stepping = SteppingOptions(
-        steps=options.steps,
-        largest=options.largest_step,
-        first=min(SteppingOptions.first, options.largest_step),
-        smallest=min(SteppingOptions.smallest, options.largest_step),
-    )
+    stepping = _stepping(options)
     path = control_path(problem, options)
     if resume and out is None:
         raise InputError("there is nothing to resume without a run directory")
 
     directory: RunDirectory | None = None
-    lock = None
     with timer("set-up"):
         if out is not None:
             directory = comm.bcast(on_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume)))
@@ -174,217 +121,175 @@ def run(
             cause=lambda place: comm.bcast(on_root(comm, lambda: known_cause(problem, place, loads))),
         )  # fmt: skip
         solver = NewtonSolver(system, timer=timer, solver=options.solver, admission=watch)
-    if directory is not None:
-        lock = on_root(comm, directory.lock)
-    try:
-        with timer("set-up"):
-            if directory is not None and comm.rank == 0 and not resume:
-                directory.start(command)
-            comm.barrier()
-            recorder = Recorder(
-                problem, system, gauge, run_inputs(problem, options), directory, _snapshot_times(path, options),
-                options.checkpoint_every, monitor, timer, watch, triangulated=options.triangulated,
-            )  # fmt: skip
-            if directory is not None and lock is not None and not lock.held:
-                text = f"the file system of {directory.path} has no locks: only one run may write there"
-                recorder.findings.append(Finding(WARNING, text))
-            recorder.findings += [Finding(WARNING, text) for text in hints]
-            u = system.create_vector()
-            states, position = recorder.restore(u) if resume else (None, None)
+        recorder = Recorder(
+            problem, system, gauge, run_inputs(problem, options), directory, snapshot_times(path, options),
+            options.checkpoint_every, monitor, timer, watch, triangulated=options.triangulated,
+        )  # fmt: skip
+    timer.pause()
+    return Simulation(
+        problem, options, system, tuple(hints), comm, directory, monitor, timer, path, stepping, solver, recorder,
+        resume, command,
+    )  # fmt: skip
+
+
+@dataclass
+class Simulation:
+    """A run that is prepared: made by :func:`prepare` on all ranks, and gone through once by :meth:`go`.
+
+    Attributes:
+        problem: what is solved.
+        options: how.
+        system: its discretisation; vectors, residual and tangent are PETSc's, see
+            :class:`tmc_vem.system.discretisation.NonlinearSystem`.
+        hints: sentences about known causes of trouble that the problem has, which the result will have as warnings.
+        comm: MPI communicator.
+        directory: where the run will be written, or None.
+        monitor: hears about progress.
+        timer: time by phase; what passes between preparation and :meth:`go` does not count.
+        path: of the load, and of parameters that are continued.
+        stepping: how the path is divided into steps.
+        solver: solves at one load.
+        recorder: what is recorded of converged steps.
+        resume: whether to go on from the directory's checkpoint.
+        command: what the command line was asked.
+    """
+
+    problem: Problem
+    options: RunOptions
+    system: Any
+    hints: tuple[str, ...]
+    comm: Any
+    directory: RunDirectory | None
+    monitor: Monitor
+    timer: Timer
+    path: ControlPath
+    stepping: SteppingOptions
+    solver: NewtonSolver
+    recorder: Recorder
+    resume: bool = False
+    command: Mapping[str, Any] | None = None
+    _has_gone: bool = field(default=False, init=False, repr=False)
+
+    @property
+    def n_cells(self) -> int:
+        """Cells of the whole mesh."""
+        return int(self.system.n_cells_global)
+
+    @property
+    def n_dofs(self) -> int:
+        """Displacement degrees of freedom, constrained ones included."""
+        return int(self.system.n_dofs)
+
+    def go(self) -> RunResult:
+        """Go through the load steps and write the result; called on all ranks together.
+
+        Returns:
+            The result on every rank, as :func:`run` returns it.
+
+        Raises:
+            InputError: it has gone before, the directory is in use or has got a run meanwhile, or its checkpoint does
+                not belong to this problem.
+            Interrupted: Ctrl-C or SIGTERM; the last checkpoint is in the run directory.
+        """
+        from tmc_vem.simulation.interrupt import Interrupted
+
+        if self._has_gone:
+            raise InputError("this run has gone through its load steps already: prepare it again")
+        self.timer.go_on()
+        directory = self.directory
+        lock = on_root(self.comm, directory.lock) if directory is not None else None
+        self._has_gone = True
+        try:
+            result = self._through_all_steps(lock)
+        except Interrupted as stop:
+            how = how_to_go_on(directory.path) if directory is not None else ""
+            self._end_early(stop)
+            raise Interrupted(stop.number, how) from None
+        except BaseException as error:
+            self._end_early(error)
+            raise
+        finally:
+            if lock is not None:
+                lock.release()
+        self.monitor.finished(result)
+        return result
+
+    def _through_all_steps(self, lock: DirectoryLock | None) -> RunResult:
+        from tmc_vem.simulation.interrupt import stop_requests
+        from tmc_vem.solve.budget import Budget
+
+        recorder, monitor = self.recorder, self.monitor
+        with self.timer("set-up"):
+            self._begin_directory(lock)
+            u = self.system.create_vector()
+            states, position = recorder.restore(u) if self.resume else (None, None)
             recorder.begin(locked=lock is not None and lock.held)
-        monitor.end = path.end
-        monitor.started(problem, system.n_cells_global, system.n_dofs)
-        monitor.warned(hints)
-        budget = Budget(options.max_iterations, options.max_seconds, comm)
-        with stop_requests(comm) as stop:
-
-            def on_iteration(iteration: Any) -> None:
-                monitor.iterated(solver.iterations_done, iteration.residual)
-                stop.check()
-                budget.spend()
-
-            def on_step(step: Any, states: Any, at: Any) -> None:
-                recorder.record(step, states, at, solver.residual)
-
-            solver.on_iteration = on_iteration
-            stepper: LoadStepper | ArcLengthStepper
-            if options.follow:
-                arc = ArcOptions(largest=options.largest_step, first=min(ArcOptions.first, options.largest_step))
-                stepper = ArcLengthStepper(solver, arc, on_step)
-            else:
-                stepper = LoadStepper(solver, stepping, on_step, path, _gamma(problem), recorder.step_failed)
+        monitor.end = self.path.end
+        monitor.started(self.problem, self.n_cells, self.n_dofs)
+        monitor.warned(self.hints)
+        budget = Budget(self.options.max_iterations, self.options.max_seconds, self.comm)
+        with stop_requests(self.comm) as stop:
+            stepper = self._stepper(stop, budget)
             try:
-                outcome = stepper.run(u, states, position)
+                outcome: SteppingResult = stepper.run(u, states, position)
             except TmcError:
                 monitor.aborted()
                 raise
-        linear = {"solver": options.solver, "linear_iterations": solver.linear_iterations}
-        result = recorder.finish(outcome, u, solver.residual, linear, cut_short=budget.used_up)
-    except Interrupted as stop:
-        how = how_to_go_on(directory.path) if directory is not None else ""
-        _end_early(directory, comm, stop)
-        raise Interrupted(stop.number, how) from None
-    except BaseException as error:
-        _end_early(directory, comm, error)
-        raise
-    finally:
-        if lock is not None:
-            lock.release()
-    monitor.finished(result)
-    return result
+        linear = {"solver": self.options.solver, "linear_iterations": self.solver.linear_iterations}
+        return recorder.finish(outcome, u, self.solver.residual, linear, cut_short=budget.used_up)
+
+    def _begin_directory(self, lock: DirectoryLock | None) -> None:
+        """Empty the run directory, unless the run goes on, and take down what is to be said about run and problem."""
+        from tmc_vem.results.plausibility import WARNING, Finding
+
+        directory, findings = self.directory, self.recorder.findings
+        if directory is not None and not self.resume:
+            on_root(self.comm, lambda: directory.start(self.command))
+        if directory is not None and lock is not None and not lock.held:
+            text = f"the file system of {directory.path} has no locks: only one run may write there"
+            findings.append(Finding(WARNING, text))
+        findings += [Finding(WARNING, text) for text in self.hints]
+
+    def _stepper(self, stop: StopRequest, budget: Budget) -> LoadStepper | ArcLengthStepper:
+        """What goes along the path: it looks for a stop after every iteration, and every converged step is recorded."""
+        from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
+        from tmc_vem.solve.stepping import LoadStepper
+
+        solver, recorder, largest = self.solver, self.recorder, self.options.largest_step
+
+        def on_iteration(iteration: Any) -> None:
+            self.monitor.iterated(solver.iterations_done, iteration.residual)
+            stop.check()
+            budget.spend()
+
+        def on_step(step: Any, states: Any, at: Any) -> None:
+            recorder.record(step, states, at, solver.residual)
+
+        solver.on_iteration = on_iteration
+        if self.options.follow:
+            arc = ArcOptions(largest=largest, first=min(ArcOptions.first, largest))
+            return ArcLengthStepper(solver, arc, on_step)
+        gamma = _gamma(self.problem)
+        return LoadStepper(solver, self.stepping, on_step, self.path, gamma, recorder.step_failed)
+
+    def _end_early(self, error: BaseException) -> None:
+        """Say in the run directory why there will be no result."""
+        if self.directory is not None and self.comm.rank == 0:
+            self.directory.interrupted(str(error) or type(error).__name__)
 
 
-def _end_early(directory: RunDirectory | None, comm: Any, error: BaseException) -> None:
-    """Say in the run directory why there will be no result."""
-    if directory is not None and comm.rank == 0:
-        directory.interrupted(str(error) or type(error).__name__)
+def _stepping(options: RunOptions) -> SteppingOptions:
+    from tmc_vem.solve.stepping import SteppingOptions
 
-
-def control_path(problem: Problem, options: RunOptions) -> ControlPath:
-    """The path of loads and continued parameters that the options ask for.
-
-    Raises:
-        InputError: a load is repeated or not usable, or the problem has no medium whose parameters could be continued.
-    """
-    if not options.continuation or len(options.path) < 2:
-        return ControlPath([Control(load) for load in options.path], options.output_loads)
-    media = [region.values for region in problem.regions().values() if region.is_medium]
-    end: dict[str, float] = {}
-    for name in options.continuation:
-        values = {region[name] for region in media}
-        if len(values) != 1:
-            raise InputError(f"continuation in {name} needs one value of it in the medium, got {len(values)}")
-        end[name] = values.pop()
-    first, second, *rest = options.path
-    begin = {name: options.continuation[name] for name in end}
-    corners = [Control(first, begin), Control(second, begin), Control(second, end), *(Control(x, end) for x in rest)]
-    return ControlPath(corners, options.output_loads)
-
-
-def _snapshot_times(path: ControlPath, options: RunOptions) -> list[float]:
-    """Where fields are written: evenly along the path, and where it must be hit exactly."""
-    if not options.snapshots:
-        return []
-    pieces = options.snapshots * (LONGEST_BRANCH if options.follow else 1)
-    return sorted({path.end * (n + 1) / options.snapshots for n in range(pieces)} | set(path.stops))
-
-
-def order_of(options: RunOptions) -> int:
-    """Polynomial degree along the sides of cells."""
-    return options.fem.order if options.method == "fem" else options.element.order
+    return SteppingOptions(
+        steps=options.steps,
+        largest=options.largest_step,
+        first=min(SteppingOptions.first, options.largest_step),
+        smallest=min(SteppingOptions.smallest, options.largest_step),
+    )
 
 
 def _gamma(problem: Problem) -> dict[str, float]:
     """gamma of the medium, if there is one value of it; the load stepper may raise it for a while."""
     values = {region.values["gamma"] for region in problem.regions().values() if "gamma" in region.values}
     return {"gamma": values.pop()} if len(values) == 1 else {}
-
-
-def discretise(
-    problem: Problem, options: RunOptions, comm: Any, on_mesh: Callable[[PolygonMesh], object] | None = None
-) -> Any:
-    """The discretised system of a problem; kernels or forms are compiled if they are not in the cache.
-
-    Args:
-        problem: what to discretise.
-        options: how.
-        comm: MPI communicator.
-        on_mesh: called on rank 0 with the whole mesh before it is distributed; what it raises is raised on all ranks.
-
-    Raises:
-        InputError: mesh and problem do not fit, or the method is 'fem' and dolfinx is missing.
-        CodegenError: an energy's kernel cannot be made.
-    """
-
-    def make_mesh() -> PolygonMesh:
-        mesh = problem.make_mesh()
-        if on_mesh is not None:
-            on_mesh(mesh)
-        return mesh
-
-    if options.method == "fem":
-        from tmc_vem.fem.system import FemSystem
-
-        return FemSystem(comm, make_mesh, problem.regions(), problem.prescribed(), options.fem)
-
-    from tmc_vem.mesh.spread.distribute import distribute
-    from tmc_vem.vem.blocks import RegionKernel
-    from tmc_vem.vem.system import VemSystem
-
-    kernels = on_every_rank(
-        comm, lambda: {name: RegionKernel(*compile_region(region)) for name, region in problem.regions().items()}
-    )
-    costs = {name: MEDIUM_COST for name, region in problem.regions().items() if region.is_medium}
-    mesh = distribute(comm, make_mesh, costs)
-    return VemSystem(mesh, kernels, problem.prescribed(), options.element)
-
-
-def require_finite_start(system: Any, problem: Problem) -> None:
-    """Check that energies and stresses can be computed before anything is deformed.
-
-    Raises:
-        InputError: they cannot; load stepping would only say that it found no way to begin.
-    """
-    u, residual = system.create_vector(), system.create_vector()
-    evaluation = system.residual(u, residual)
-    bad = [f"the energy of region '{name}'" for name, of in evaluation.regions.items() if not math.isfinite(of.energy)]
-    if not bad and not math.isfinite(residual.norm()):
-        bad = ["the stress, that is the derivative of the energy,"]
-    if bad:
-        checked = "'tmc-vem codegen FILE.py:FUNCTION --check' checks an energy of your own"
-        fault = _fault(problem)
-        why = f"{fault}; " if fault else ""
-        raise InputError(f"{bad[0]} is no finite number in the undeformed state: {why}{checked}")
-
-
-def _fault(problem: Problem) -> str:
-    """What is wrong with a region's energy at F = I, in words; empty if that does not show."""
-    from codegen.reference import fault_at_reference
-    from codegen.trace import trace
-
-    for name, region in problem.regions().items():
-        energy = region.energy
-        fault = fault_at_reference(trace(energy.density, energy.name, energy.parameters), region.values)
-        if fault:
-            return f"region '{name}': {fault}"
-    return ""
-
-
-def compile_region(region: RegionEnergy) -> tuple[Any, Any]:
-    """Kernel of a region's energy and its parameter array."""
-    from codegen.kernel import compile_energy
-
-    energy = region.energy
-    kernel = compile_energy(energy.density, energy.name, energy.parameters, energy.description)
-    return kernel, kernel.parameter_array(region.values)
-
-
-def run_inputs(problem: Problem, options: RunOptions) -> dict[str, Any]:
-    """The inputs as a run directory records them; two runs with equal ones give equal results."""
-    units = problem.units()
-    return {**problem.inputs(), **({"units": asdict(units)} if units.declared else {}), **_method_inputs(options)}
-
-
-def _method_inputs(options: RunOptions) -> Mapping[str, Any]:
-    if options.method == "fem":
-        discretisation = asdict(options.fem)
-    else:
-        element = options.element
-        discretisation = {
-            "order": element.order,
-            "projection": element.projection,
-            "projection_degree": "spectral test" if element.degree is None else element.degree,
-            "quadrature": element.quadrature_degree,
-            "rule": element.rule,
-        }
-    return {
-        "method": options.method,
-        **discretisation,
-        "load_steps": "automatic" if options.steps is None else options.steps,
-        "largest_step": options.largest_step,
-        **({} if options.path == RunOptions.path else {"load_path": list(options.path)}),
-        **({"output_loads": list(options.output_loads)} if options.output_loads else {}),
-        **({"continuation": dict(options.continuation)} if options.continuation else {}),
-        **({"follow": True} if options.follow else {}),
-        **({"allow_overlap": True} if options.allow_overlap else {}),
-    }

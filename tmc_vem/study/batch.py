@@ -29,7 +29,8 @@ from tmc_vem.problems.base import Problem
 from tmc_vem.results.lock import DirectoryLock
 from tmc_vem.results.records import RESULT
 from tmc_vem.results.run_result import RunResult
-from tmc_vem.simulation.simulation import RunOptions, run_inputs
+from tmc_vem.simulation.options import RunOptions
+from tmc_vem.simulation.plan import run_inputs
 from tmc_vem.study.batch_worker import MARK
 from tmc_vem.support.errors import InputError
 

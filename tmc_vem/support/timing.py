@@ -27,6 +27,15 @@ class Timer:
             self._switch()
             self._stack.pop()
 
+    def pause(self) -> None:
+        """Count nothing until :meth:`go_on`; between two phases, not within one."""
+        self._switch()
+
+    def go_on(self) -> None:
+        """Count again; the time since the pause has not passed."""
+        before, self._since = self._since, time.perf_counter()
+        self.started += self._since - before
+
     def _switch(self) -> None:
         now = time.perf_counter()
         if self._stack:

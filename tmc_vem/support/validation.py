@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.settings import about_of
 
 T = TypeVar("T")
 
@@ -126,7 +127,7 @@ def check_fields(instance: Any) -> None:
     To be called first in ``__post_init__``: what follows may then rely on the types.
 
     Raises:
-        InputError: a field has a value of another type.
+        InputError: a field has a value of another type, or one that is not among the choices of a setting.
     """
     hints = _hints(type(instance))
     for field in dataclasses.fields(instance):
@@ -134,6 +135,9 @@ def check_fields(instance: Any) -> None:
         conformed = conform(value, hints[field.name], field.name)
         if conformed is not value:
             object.__setattr__(instance, field.name, conformed)
+        said = about_of(field)
+        if said is not None and said.choices:
+            require_choice(field.name.replace("_", " "), conformed, said.choices)
 
 
 def conform(value: Any, hint: Any, name: str) -> Any:

@@ -2,33 +2,40 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from tmc_vem.support.errors import InputError
-from tmc_vem.support.validation import check_fields, require_choice, require_positive
+from tmc_vem.support.settings import about, described
+from tmc_vem.support.validation import check_fields, require_positive
 
 INTERIOR_PENALTIES = ("none", "penalty", "full")
 
 
+@described
 @dataclass(frozen=True)
 class FemSettings:
-    """Element, quadrature and treatment of the second gradient.
+    """Element, quadrature and treatment of the second gradient."""
 
-    Attributes:
-        order: polynomial degree, 2 or 3.
-        quadrature: degree of the rule in cells and on facets. 4 means 3 x 3 points on quadrilaterals and 6 on
-            triangles for every order; degrees 2 and 3 let quadratic quadrilaterals hourglass.
-        interior_penalty: 'none' takes second derivatives inside the elements only, 'penalty' adds a penalty on jumps of
-            the gradient across facets in the medium, 'full' adds the consistency term as well.
-        eta: penalty factor, without a unit.
-        triangles: cut the problem's quadrilaterals in two.
-    """
-
-    order: int = 2
-    quadrature: int = 4
-    interior_penalty: str = "none"
-    eta: float = 10.0
-    triangles: bool = False
+    order: int = field(default=2, metadata=about("Polynomial degree of the elements: 2 or 3."))
+    quadrature: int = field(
+        default=4,
+        metadata=about(
+            "Degree of the rule in cells and on facets.",
+            detail="4 means 3 x 3 points on quadrilaterals and 6 on triangles for every order; degrees 2 and 3 let "
+            "quadratic quadrilaterals hourglass.",
+        ),
+    )
+    interior_penalty: str = field(
+        default="none",
+        metadata=about(
+            "Jumps of the gradient between elements of the medium.",
+            choices=INTERIOR_PENALTIES,
+            detail="'none' takes second derivatives inside the elements only, 'penalty' adds a penalty on jumps of the "
+            "gradient across facets in the medium, 'full' adds the consistency term as well.",
+        ),
+    )
+    eta: float = field(default=10.0, metadata=about("Factor of the interior penalty, without a unit."))
+    triangles: bool = field(default=False, metadata=about("Cut the problem's quadrilaterals in two."))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -36,5 +43,4 @@ class FemSettings:
             raise InputError(f"finite element order {self.order}: use 2 or 3, the energy has second derivatives")
         if not 2 <= self.quadrature <= 20:
             raise InputError(f"quadrature degree {self.quadrature}: use 2 to 20")
-        require_choice("interior penalty", self.interior_penalty, INTERIOR_PENALTIES)
         require_positive("eta", self.eta, "10 is a sane value")

@@ -30,8 +30,9 @@ from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.insertion import MatrixInsertion
 from tmc_vem.vem.pattern import serial_matrix
 from tmc_vem.vem.point_weights import locate
-from tmc_vem.vem.spaces.element import ElementSettings, element_groups
+from tmc_vem.vem.spaces.element import element_groups
 from tmc_vem.vem.spaces.quadrature import gauss_lobatto
+from tmc_vem.vem.spaces.settings import ElementSettings
 from tmc_vem.vem.spaces.tabulated import points_and_values
 
 Float = NDArray[np.float64]

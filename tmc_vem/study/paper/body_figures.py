@@ -14,7 +14,7 @@ from tmc_vem.report.panels import draw_panels
 from tmc_vem.report.problem_figure import draw_meshes, draw_problem
 from tmc_vem.report.tables import effort, final_state
 from tmc_vem.results.snapshots import nearest, read_fields, snapshots
-from tmc_vem.simulation.simulation import RunOptions
+from tmc_vem.simulation.options import RunOptions
 from tmc_vem.study.batch import Job
 from tmc_vem.study.paper.target import Results, Target
 from tmc_vem.support.errors import InputError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from tmc_vem.problems import Box, Medium
-from tmc_vem.simulation.simulation import RunOptions
+from tmc_vem.simulation.options import RunOptions
 from tmc_vem.study.batch import Job
 
 Cells = tuple[int, int]
@@ -20,7 +20,7 @@ def box_job(method: str, cells: Cells, medium: Medium, refinement: int = 1, **op
         cells: squares in x and y over the whole box.
         medium: third medium.
         refinement: into how many parts the medium's cells divide the sides of the solid's.
-        options: of :class:`tmc_vem.simulation.simulation.RunOptions`.
+        options: of :class:`tmc_vem.simulation.options.RunOptions`.
     """
     n_cells = cells[0] * cells[1] * (0.46 + 0.54 * refinement**2)  # the cavity has 54 % of the area
     cost = COST[method] * (n_cells / 400.0 + 0.5) ** 1.2 * (2.0 if medium.gamma < 1e-5 else 1.0)

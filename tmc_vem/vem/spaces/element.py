@@ -22,109 +22,20 @@ from tmc_vem.mesh.geometry import diameters
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.notes import say
-from tmc_vem.support.validation import check_fields, require_choice
-from tmc_vem.vem.spaces.composite import CompositeSpace
-from tmc_vem.vem.spaces.macro import MacroSpace
+from tmc_vem.vem.spaces.candidates import candidates, cell_rule
 from tmc_vem.vem.spaces.quadrature import star_shaped, sub_triangles
-from tmc_vem.vem.spaces.rules import CellRule, compressed, convex, on_sub_triangles, simple
-from tmc_vem.vem.spaces.spaces import FullSpace, HarmonicSpace, ProjectionSpace, Shapes
-from tmc_vem.vem.spaces.stability import SPURIOUS, StabilityTest, spurious_modes, stability_constants
+from tmc_vem.vem.spaces.rules import convex
+from tmc_vem.vem.spaces.settings import LARGEST_DEGREE, ElementSettings
+from tmc_vem.vem.spaces.spaces import ProjectionSpace, Shapes
+from tmc_vem.vem.spaces.stability import StabilityTest, spurious_modes, stability_constants
 from tmc_vem.vem.spaces.tabulated import Tables, tabulate
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-RULES = ("auto", "compressed", "triangles")
-PROJECTIONS = ("auto", "full", "harmonic", "macro", "composite")
-LARGEST_DEGREE = 8
-# The smallest energy of a mode, as a fraction of what the reference element gives it. Modes without energy stay at
-# rounding, below 1e-13; most cells are above 1e-2. In between are shapes close to a deficient one, such as a hanging
-# node slightly off its straight side (1e-5 to 1e-9): no zero, but as harmful as one. So l is raised until STABLE is
-# reached. Edges below a hundredth of the cell may not allow that; what counts as spurious for good is below SPURIOUS.
-STABLE = 1e-3
-# With 'auto', [P_l]^2 with l up to k + 1 is used where every mode has this fraction. For k = 2, triangles and
-# quadrilaterals have 0.4 and more, convex pentagons about 0.15, cells with a hanging node up to 0.08, hexagons 0.03.
-GOOD = 0.1
 CHUNK = 256  # shapes whose arrays stay in the second-level cache
 # Cells whose vertices agree up to a translation and this fraction of their diameter share a projector.
 CONGRUENCE = 1e-10
-
-
-@dataclass(frozen=True)
-class ElementSettings:
-    """Choices for the discretisation.
-
-    Attributes:
-        order: k >= 2, polynomial degree on the edges.
-        degree: l, degree of the gradient's projection on [P_l]^2; None lets the spectral test choose per shape.
-        quadrature: degree of the rule on the sub-triangles; None means the larger of 2 k and l + k - 1, which
-            integrates the product of a stress of degree k - 1 and a projected gradient, and so keeps the order of
-            convergence. A lower degree is raised to l, below which constant stresses are out of balance. On the box,
-            degrees 4 to 10 change the gap by less than one percent for k = 2.
-        rule: 'triangles' puts the rule of the full degree on every sub-triangle; 'compressed' uses the fewest points
-            where the projected gradient is one polynomial on the whole cell, see :mod:`tmc_vem.vem.spaces.rules`;
-            'auto' has few points on triangles and convex quadrilaterals only, and on those moves the gap of the box by
-            0.02 percent. The fewest points move it by 0.1 percent on quadrilaterals, by 2 to 3 on larger polygons.
-        projection: what gradients are projected on. 'full': [P_l]^2 with the smallest l that the spectral test allows;
-            'harmonic': [P_k]^2 and as many gradients of harmonic polynomials as it takes; 'macro': H(div)-conforming
-            piecewise [P_k]^2; 'composite': gradients of continuous piecewise P_(k+1); 'auto': 'full' where l up to
-            k + 1 does well, 'composite' elsewhere.
-    """
-
-    order: int = 2
-    degree: int | None = None
-    quadrature: int | None = None
-    projection: str = "auto"
-    rule: str = "auto"
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        require_choice("projection", self.projection, PROJECTIONS)
-        require_choice("rule", self.rule, RULES)
-        if self.degree is not None and self.projection not in ("auto", "full"):
-            raise InputError(f"a degree l belongs to the projection 'full': '{self.projection}' has its own")
-        if self.order not in (2, 3, 4):
-            raise InputError(f"element order k = {self.order}: use 2 (the paper's), 3 or 4")
-        if self.degree is not None and not self.order - 1 <= self.degree <= LARGEST_DEGREE:
-            raise InputError(f"projection degree l = {self.degree}: use {self.order - 1} to {LARGEST_DEGREE}")
-        if self.quadrature is not None and not 2 <= self.quadrature <= 20:
-            raise InputError(f"quadrature degree {self.quadrature}: use 2 to 20")
-
-    @property
-    def quadrature_degree(self) -> int:
-        """Degree of the rule on the sub-triangles, except for cells with a high l; see :meth:`rule_degree`."""
-        return 2 * self.order if self.quadrature is None else self.quadrature
-
-    def rule_degree(self, degree: int) -> int:
-        """Degree of the rule on the sub-triangles of cells with the projection degree l = ``degree``."""
-        if self.quadrature is None:
-            return max(2 * self.order, degree + self.order - 1)
-        return max(self.quadrature, degree)
-
-    def cell_rule(self, space: ProjectionSpace, polygons_svx: Float, triangles_stpx: Float) -> CellRule:
-        """Quadrature rule for a projection space."""
-        degree = self.rule_degree(space.degree)
-        if self.rule == "triangles" or space.piecewise_degree is not None:
-            return on_sub_triangles(triangles_stpx, degree)
-        return (simple if self.rule == "auto" else compressed)(polygons_svx, triangles_stpx, degree)
-
-    def candidates(self, n_sides: int) -> list[tuple[ProjectionSpace, float]]:
-        """Spaces to try one after another, with the stability constant that each of them needs."""
-        k = self.order
-        first = first_candidate(n_sides, k)
-        if self.degree is not None:
-            return [(FullSpace(self.degree), SPURIOUS)]
-        if self.projection == "composite":
-            return [(CompositeSpace(k), SPURIOUS)]
-        if self.projection == "macro":
-            return [(MacroSpace(k), SPURIOUS)]
-        if self.projection == "harmonic":
-            degrees = range(k + 1, LARGEST_DEGREE + 1)
-            return [(HarmonicSpace(k, m), SPURIOUS if m == LARGEST_DEGREE else STABLE) for m in degrees]
-        if self.projection == "auto":
-            return [*((FullSpace(m), GOOD) for m in range(first, k + 2)), (CompositeSpace(k), SPURIOUS)]
-        degrees = range(first, LARGEST_DEGREE + 1)
-        return [(FullSpace(m), SPURIOUS if m == LARGEST_DEGREE else STABLE) for m in degrees]
 
 
 @dataclass(frozen=True)
@@ -247,11 +158,6 @@ def _alike(polygons_cvx: Float) -> Iterator[Int]:
             yield np.flatnonzero(chosen)
 
 
-def first_candidate(n_sides: int, k: int) -> int:
-    """Smallest l that the counting rule (40), N <= 2 l - 2 k + 5, allows; at least k - 1, which reproduces P_k."""
-    return max(k - 1, -(-(n_sides + 2 * k - 5) // 2))
-
-
 def _choose_space(
     shapes: Float, names: Int, settings: ElementSettings
 ) -> Iterator[tuple[ProjectionSpace, Int, Tables]]:
@@ -261,8 +167,8 @@ def _choose_space(
     pending = np.arange(len(shapes))
     known = Shapes.of(shapes, triangles, k, k + 1)
     test = StabilityTest(known)
-    for space, least in settings.candidates(n_sides):
-        rule = settings.cell_rule(space, shapes[pending], triangles[pending])
+    for space, least in candidates(settings, n_sides):
+        rule = cell_rule(settings, space, shapes[pending], triangles[pending])
         needed = known if len(pending) == len(known) else known.take(pending)
         if space.degree > known.geometry.degree:
             needed = Shapes.of(shapes[pending], triangles[pending], k, space.degree)

@@ -1,0 +1,226 @@
+"""Options that several commands share, and the settings that are made of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tmc_vem.cli.settings import Decorator, setting, with_options
+from tmc_vem.problems.materials import Medium
+from tmc_vem.simulation.options import RunOptions
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.fem_settings import FemSettings
+from tmc_vem.vem.spaces.settings import ElementSettings
+
+
+def medium_options(
+    gamma: float = Medium.gamma, alpha_r: float = 1.0, regulariser: str = "huhu_lulu", beta: float = Medium.beta
+) -> Decorator:
+    """Options of the third medium, with the defaults of a command."""
+
+    def weight(context: click.Context, _: click.Parameter, given: float | None) -> float | None:
+        """The default of this command, unless alpha is given instead."""
+        return alpha_r if given is None and context.params.get("alpha") is None else given
+
+    return with_options(
+        [
+            setting(Medium, "gamma", default=gamma),
+            setting(Medium, "alpha", is_eager=True),
+            setting(Medium, "alpha_r", callback=weight, optional=True, after=f" [default: {alpha_r:g}]"),
+            setting(Medium, "regulariser", default=regulariser, metavar="NAME"),
+            setting(Medium, "parameters", "--param", "parameters", multiple=True, metavar="NAME=VALUE"),
+            setting(Medium, "beta", default=beta),
+        ]
+    )
+
+
+def angle_medium_options(gamma: float, alpha_r: float) -> Decorator:
+    """Options of the third medium with the defaults of sections 5.2 to 5.4: regulariser (15), not damped."""
+    return medium_options(gamma, alpha_r, "angle", 0.0)
+
+
+def element_options() -> list[click.Option]:
+    """Options of the discretisation."""
+    return [
+        setting(RunOptions, "method"),
+        setting(ElementSettings, "order"),
+        setting(ElementSettings, "degree", "--l", "degree", before="vem:"),
+        setting(ElementSettings, "projection", before="vem:"),
+        setting(ElementSettings, "rule", before="vem:"),
+        click.Option(
+            ["--quadrature"], type=int, help=f"Quadrature degree. Default: 2 k (vem), {FemSettings.quadrature} (fem)."
+        ),
+        penalty_option(),
+        setting(FemSettings, "eta", before="fem:"),
+        setting(FemSettings, "triangles", before="fem:"),
+    ]
+
+
+def penalty_option(default: str = FemSettings.interior_penalty) -> click.Option:
+    """Option of the interior penalty, with the default of a command."""
+    return setting(FemSettings, "interior_penalty", before="fem:", default=default)
+
+
+def out_options() -> list[click.Option]:
+    """Options of where a run is written."""
+    return [
+        click.Option(["--out"], type=click.Path(path_type=Path), help="Run directory. Default: nothing is written."),
+        setting(RunOptions, "overwrite"),
+    ]
+
+
+def display_options() -> list[click.Option]:
+    """Options of what is shown."""
+    return [
+        click.Option(["--json", "as_json"], is_flag=True, help="Print result.json on stdout, and nothing else."),
+        click.Option(["--quiet"], is_flag=True, help="No progress display and no summary."),
+    ]
+
+
+def petsc_option() -> click.Option:
+    """Option for options of PETSc."""
+    text = "PETSc options, e.g. '-tmc_mat_mumps_icntl_4 2'."
+    return click.Option(["--petsc"], default="", metavar="OPTIONS", help=text)
+
+
+def method_options() -> Decorator:
+    """Options of discretisation, load stepping and output."""
+    path = " ".join(f"{load:g}" for load in RunOptions.path)
+    start = "For small gamma, e.g. --gamma 1e-7 --continuation gamma=1e-4 (below that with --rule triangles)."
+    return with_options(
+        [
+            setting(RunOptions, "steps"),
+            setting(RunOptions, "path", metavar="'LOADS'", type=str, default=path),
+            setting(
+                RunOptions, "output_loads", "--at", "output_loads", type=float, multiple=True, default=(),
+                show_default=False, metavar="LOAD",
+            ),
+            setting(RunOptions, "continuation", multiple=True, metavar="NAME=VALUE", after=start),
+            setting(RunOptions, "follow"),
+            setting(RunOptions, "allow_overlap"),
+            setting(RunOptions, "max_iterations"),
+            setting(RunOptions, "max_seconds"),
+            *element_options(),
+            *out_options(),
+            setting(RunOptions, "checkpoint_every"),
+            setting(RunOptions, "snapshots"),
+            setting(RunOptions, "triangulated"),
+            *display_options(),
+            setting(RunOptions, "solver", metavar="PRESET|FILE"),
+            petsc_option(),
+        ]
+    )  # fmt: skip
+
+
+def file_options() -> list[click.Parameter]:
+    """Options of a problem file's command; those of its [solve] table are None unless they are given."""
+    return [
+        *(setting(RunOptions, name, optional=True) for name in DECIDED if name not in LAST),
+        *out_options(),
+        *(setting(RunOptions, name, optional=True) for name in LAST),
+        *display_options(),
+        petsc_option(),
+    ]
+
+
+# Options that a problem file decides unless they are given, in the order of the help: before and after --out.
+LAST = ("checkpoint_every", "snapshots", "triangulated")
+DECIDED = ("method", "steps", "allow_overlap", "max_iterations", "max_seconds", *LAST)
+
+
+def chosen_options(options: dict[str, Any]) -> RunOptions:
+    """The run options of :func:`method_options`.
+
+    Raises:
+        InputError: a value is out of range, or an option belongs to the other method.
+    """
+    same = (
+        "method", "steps", "solver", "output_loads", "follow", "allow_overlap", "max_iterations", "max_seconds",
+        "snapshots", "triangulated", "checkpoint_every", "overwrite",
+    )  # fmt: skip
+    return RunOptions(
+        **{name: options[name] for name in same},
+        **method_settings(options),
+        path=parse_path(options["path"]),
+        continuation=parse_parameters(options["continuation"], "--continuation"),
+    )
+
+
+def chosen_medium(options: dict[str, Any]) -> Medium:
+    """The third medium of :func:`medium_options`.
+
+    Raises:
+        InputError: a value is out of range, or both alpha and alpha_r are given.
+    """
+    return Medium(
+        gamma=options["gamma"],
+        alpha_r=options["alpha_r"],
+        alpha=options["alpha"],
+        beta=options["beta"],
+        regulariser=options["regulariser"],
+        parameters=parse_parameters(options["parameters"]),
+    )
+
+
+def method_settings(options: dict[str, Any]) -> dict[str, Any]:
+    """Settings of the method in use, as arguments of :class:`tmc_vem.RunOptions`.
+
+    Raises:
+        InputError: a value is out of range, or an option belongs to the other method.
+    """
+    if options["method"] == "fem":
+        if options["degree"] is not None:
+            raise InputError("--l belongs to --method vem: finite elements project nothing")
+        if options["projection"] != "auto":
+            raise InputError("--projection belongs to --method vem: finite elements project nothing")
+        if options["rule"] != "auto":
+            raise InputError("--rule belongs to --method vem: finite elements have the rules of dolfinx")
+        quadrature = {} if options["quadrature"] is None else {"quadrature": options["quadrature"]}
+        return {
+            "fem": FemSettings(
+                order=options["order"],
+                interior_penalty=options["interior_penalty"],
+                eta=options["eta"],
+                triangles=options["triangles"],
+                **quadrature,
+            )
+        }
+    if options["interior_penalty"] != "none" or options["triangles"]:
+        raise InputError("--interior-penalty and --triangles belong to --method fem")
+    element = ElementSettings(
+        options["order"], options["degree"], options["quadrature"], options["projection"], options["rule"]
+    )
+    return {"element": element}
+
+
+def parse_path(text: str) -> tuple[float, ...]:
+    """Load factors separated by blanks or commas.
+
+    Raises:
+        InputError: one is not a number.
+    """
+    try:
+        return tuple(float(word) for word in text.replace(",", " ").split())
+    except ValueError:
+        raise InputError(f"--path '{text}' is not a list of load factors, for example '0 1 0'") from None
+
+
+def parse_parameters(texts: tuple[str, ...], option: str = "--param") -> dict[str, float]:
+    """Values of ``NAME=VALUE`` options.
+
+    Raises:
+        InputError: one is not of that form.
+    """
+    values = {}
+    for text in texts:
+        name, separator, number = text.partition("=")
+        try:
+            values[name.strip()] = float(number)
+        except ValueError:
+            separator = ""
+        if not separator or not name.strip():
+            example = "kappa=0.1" if option == "--param" else "gamma=1e-4"
+            raise InputError(f"{option} '{text}' is not NAME=VALUE, for example {example}")
+    return values

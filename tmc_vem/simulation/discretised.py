@@ -1,0 +1,95 @@
+"""The discretised system of a problem, and whether a run can begin on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.problems.base import Problem, RegionEnergy
+from tmc_vem.simulation.options import RunOptions
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.parallel import on_every_rank
+
+# Work of a medium's cell relative to a solid's: second derivatives make its tangent 3 times as dear.
+MEDIUM_COST = 2.5
+
+
+def discretise(
+    problem: Problem, options: RunOptions, comm: Any, on_mesh: Callable[[PolygonMesh], object] | None = None
+) -> Any:
+    """The discretised system of a problem; kernels or forms are compiled if they are not in the cache.
+
+    Args:
+        problem: what to discretise.
+        options: how.
+        comm: MPI communicator.
+        on_mesh: called on rank 0 with the whole mesh before it is distributed; what it raises is raised on all ranks.
+
+    Raises:
+        InputError: mesh and problem do not fit, or the method is 'fem' and dolfinx is missing.
+        CodegenError: an energy's kernel cannot be made.
+    """
+
+    def make_mesh() -> PolygonMesh:
+        mesh = problem.make_mesh()
+        if on_mesh is not None:
+            on_mesh(mesh)
+        return mesh
+
+    if options.method == "fem":
+        from tmc_vem.fem.system import FemSystem
+
+        return FemSystem(comm, make_mesh, problem.regions(), problem.prescribed(), options.fem)
+
+    from tmc_vem.mesh.spread.distribute import distribute
+    from tmc_vem.vem.blocks import RegionKernel
+    from tmc_vem.vem.system import VemSystem
+
+    kernels = on_every_rank(
+        comm, lambda: {name: RegionKernel(*compile_region(region)) for name, region in problem.regions().items()}
+    )
+    costs = {name: MEDIUM_COST for name, region in problem.regions().items() if region.is_medium}
+    mesh = distribute(comm, make_mesh, costs)
+    return VemSystem(mesh, kernels, problem.prescribed(), options.element)
+
+
+def require_finite_start(system: Any, problem: Problem) -> None:
+    """Check that energies and stresses can be computed before anything is deformed.
+
+    Raises:
+        InputError: they cannot; load stepping would only say that it found no way to begin.
+    """
+    u, residual = system.create_vector(), system.create_vector()
+    evaluation = system.residual(u, residual)
+    bad = [f"the energy of region '{name}'" for name, of in evaluation.regions.items() if not math.isfinite(of.energy)]
+    if not bad and not math.isfinite(residual.norm()):
+        bad = ["the stress, that is the derivative of the energy,"]
+    if bad:
+        checked = "'tmc-vem codegen FILE.py:FUNCTION --check' checks an energy of your own"
+        fault = _fault(problem)
+        why = f"{fault}; " if fault else ""
+        raise InputError(f"{bad[0]} is no finite number in the undeformed state: {why}{checked}")
+
+
+def _fault(problem: Problem) -> str:
+    """What is wrong with a region's energy at F = I, in words; empty if that does not show."""
+    from codegen.reference import fault_at_reference
+    from codegen.trace import trace
+
+    for name, region in problem.regions().items():
+        energy = region.energy
+        fault = fault_at_reference(trace(energy.density, energy.name, energy.parameters), region.values)
+        if fault:
+            return f"region '{name}': {fault}"
+    return ""
+
+
+def compile_region(region: RegionEnergy) -> tuple[Any, Any]:
+    """Kernel of a region's energy and its parameter array."""
+    from codegen.kernel import compile_energy
+
+    energy = region.energy
+    kernel = compile_energy(energy.density, energy.name, energy.parameters, energy.description)
+    return kernel, kernel.parameter_array(region.values)

@@ -1,0 +1,119 @@
+"""How a problem is discretised and solved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.settings import about, described
+from tmc_vem.support.validation import check_fields, require_finite, require_known, require_positive
+from tmc_vem.system.fem_settings import FemSettings
+from tmc_vem.vem.spaces.settings import ElementSettings
+
+METHODS = ("vem", "fem")
+CONTINUED = ("gamma", "alpha_r")
+
+
+@described
+@dataclass(frozen=True)
+class RunOptions:
+    """How a problem is discretised and solved."""
+
+    method: str = field(
+        default="vem",
+        metadata=about("Virtual elements, or Lagrange elements in dolfinx for comparison.", choices=METHODS),
+    )
+    element: ElementSettings = field(
+        default_factory=ElementSettings,
+        metadata=about("Order, projection and quadrature of the virtual elements."),
+    )
+    fem: FemSettings = field(
+        default_factory=FemSettings,
+        metadata=about("Order, quadrature and interior penalty of the Lagrange elements."),
+    )
+    steps: int | None = field(
+        default=None, metadata=about("Equal load steps (the paper's box: 100).", none="automatic steps")
+    )
+    largest_step: float = field(
+        default=0.1, metadata=about("Largest automatic step, as a fraction of the load, above 0 and up to 1.")
+    )
+    solver: str = field(
+        default="direct",
+        metadata=about(
+            "Linear solver: direct; reproducible (same bits in every run on as many ranks); iterative; or FILE with "
+            "PETSc options (prefix tmc_)."
+        ),
+    )
+    path: tuple[float, ...] = field(
+        default=(0.0, 1.0),
+        metadata=about(
+            "Load factors to go through one after another: 0 1 0 1 to load, unload and load again.",
+            detail="As a tuple, (0, 1, 0, 1); the first is 0.",
+        ),
+    )
+    output_loads: tuple[float, ...] = field(
+        default=(), metadata=about("Load factor to hit exactly and write, besides those of the path.")
+    )
+    continuation: Mapping[str, float] = field(
+        default_factory=dict,
+        metadata=about(
+            "Load with this gamma or alpha_r, then bring it to the wanted value at full load.",
+            detail="The first leg of the path is gone with it; at its end the parameter is brought to that of the "
+            "problem step by step, and the rest of the path follows.",
+        ),
+    )
+    follow: bool = field(
+        default=False,
+        metadata=about(
+            "Follow the branch through limit points, where the load goes back, instead of jumping to another.",
+            detail="It is followed by its length.",
+        ),
+    )
+    allow_overlap: bool = field(
+        default=False,
+        metadata=about("Go on where solids overlap, for those who study it: such states are refused else."),
+    )
+    max_iterations: int | None = field(
+        default=None,
+        metadata=about(
+            "Stop after this many Newton iterations; resume goes on.",
+            none="no limit",
+            detail="Failed attempts count.",
+        ),
+    )
+    max_seconds: float | None = field(
+        default=None, metadata=about("Stop after this wall time; resume goes on.", none="no limit")
+    )
+    snapshots: int = field(default=10, metadata=about("Load steps written for ParaView, evenly spread over the load."))
+    triangulated: bool = field(
+        default=False,
+        metadata=about("Write them once more, cut into triangles, in which all filters of VTK are exact."),
+    )
+    checkpoint_every: int = field(default=1, metadata=about("Load steps from one checkpoint to the next; 0 for none."))
+    overwrite: bool = field(default=False, metadata=about("Replace an earlier run in the run directory."))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if not 0 <= self.snapshots <= 10_000:
+            raise InputError(f"snapshots = {self.snapshots}: use 0 to 10000")
+        if self.checkpoint_every < 0:
+            raise InputError(f"checkpoint every {self.checkpoint_every} steps: use 1 or more, or 0 for none")
+        if not 0.0 < self.largest_step <= 1.0:
+            raise InputError(f"largest step = {self.largest_step:g}: use a fraction of the load, above 0 and up to 1")
+        if self.path[:1] != (0.0,):
+            raise InputError(f"load path {' '.join(f'{load:g}' for load in self.path)} must begin with 0")
+        for load in self.output_loads:
+            require_finite("output load", load)
+            low, high = min(self.path), max(self.path)
+            if not low <= load <= high:
+                raise InputError(f"output load {load:g} is not on the load path, which goes from {low:g} to {high:g}")
+        require_known(self.continuation, CONTINUED, "continuation")
+        for name, value in self.continuation.items():
+            require_positive(f"continuation from {name}", value, "it is where the parameter starts from")
+        for name in ("path", "output_loads", "continuation", "steps"):
+            if self.follow and getattr(self, name) != getattr(RunOptions(), name):
+                raise InputError(f"follow does not go with {name}: the load is not prescribed along the branch")
+        for name in ("max_iterations", "max_seconds"):
+            if getattr(self, name) is not None:
+                require_positive(name, getattr(self, name), "or leave it out for no limit")

@@ -1,0 +1,80 @@
+"""What is made of a run's options: the path of its load, where fields are written, its inputs as they are recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from tmc_vem.problems.base import Problem
+from tmc_vem.simulation.options import RunOptions
+from tmc_vem.solve.path import Control, ControlPath
+from tmc_vem.support.errors import InputError
+
+# How long a branch may be, in units of the load, with fields written along all of it.
+LONGEST_BRANCH = 10
+
+
+def order_of(options: RunOptions) -> int:
+    """Polynomial degree along the sides of cells."""
+    return options.fem.order if options.method == "fem" else options.element.order
+
+
+def control_path(problem: Problem, options: RunOptions) -> ControlPath:
+    """The path of loads and continued parameters that the options ask for.
+
+    Raises:
+        InputError: a load is repeated or not usable, or the problem has no medium whose parameters could be continued.
+    """
+    if not options.continuation or len(options.path) < 2:
+        return ControlPath([Control(load) for load in options.path], options.output_loads)
+    media = [region.values for region in problem.regions().values() if region.is_medium]
+    end: dict[str, float] = {}
+    for name in options.continuation:
+        values = {region[name] for region in media}
+        if len(values) != 1:
+            raise InputError(f"continuation in {name} needs one value of it in the medium, got {len(values)}")
+        end[name] = values.pop()
+    first, second, *rest = options.path
+    begin = {name: options.continuation[name] for name in end}
+    corners = [Control(first, begin), Control(second, begin), Control(second, end), *(Control(x, end) for x in rest)]
+    return ControlPath(corners, options.output_loads)
+
+
+def snapshot_times(path: ControlPath, options: RunOptions) -> list[float]:
+    """Where fields are written: evenly along the path, and where it must be hit exactly."""
+    if not options.snapshots:
+        return []
+    pieces = options.snapshots * (LONGEST_BRANCH if options.follow else 1)
+    return sorted({path.end * (n + 1) / options.snapshots for n in range(pieces)} | set(path.stops))
+
+
+def run_inputs(problem: Problem, options: RunOptions) -> dict[str, Any]:
+    """The inputs as a run directory records them; two runs with equal ones give equal results."""
+    units = problem.units()
+    return {**problem.inputs(), **({"units": asdict(units)} if units.declared else {}), **_method_inputs(options)}
+
+
+def _method_inputs(options: RunOptions) -> Mapping[str, Any]:
+    if options.method == "fem":
+        discretisation = asdict(options.fem)
+    else:
+        element = options.element
+        discretisation = {
+            "order": element.order,
+            "projection": element.projection,
+            "projection_degree": "spectral test" if element.degree is None else element.degree,
+            "quadrature": element.quadrature_degree,
+            "rule": element.rule,
+        }
+    return {
+        "method": options.method,
+        **discretisation,
+        "load_steps": "automatic" if options.steps is None else options.steps,
+        "largest_step": options.largest_step,
+        **({} if options.path == RunOptions.path else {"load_path": list(options.path)}),
+        **({"output_loads": list(options.output_loads)} if options.output_loads else {}),
+        **({"continuation": dict(options.continuation)} if options.continuation else {}),
+        **({"follow": True} if options.follow else {}),
+        **({"allow_overlap": True} if options.allow_overlap else {}),
+    }
