@@ -23,6 +23,7 @@ from mpi4py import MPI
 
 from codegen.batch import Tangents
 from codegen.build import FLAGS, compiler
+from codegen.cell_driver import CELL_DRIVER
 from codegen.compiler import generate
 from codegen.ir import KernelSource
 from codegen.trace import trace
@@ -76,7 +77,7 @@ void benchmark(int n, int n_q, int repeats, const double *x, const double *param
 def generated(name: str) -> KernelSource:
     """The generated C of an energy."""
     energy = DENSITIES[ENERGIES[name]]
-    return generate(trace(energy.density, energy.name, energy.parameters), energy.description)
+    return generate(trace(energy.density, energy.name, energy.parameters), energy.description, driver=CELL_DRIVER)
 
 
 def build(source: KernelSource, directory: Path) -> ctypes.CDLL:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from codegen.kernel import compile_energy
+from codegen.cells import compile_cells
 from tmc_vem.energy import DENSITIES
 from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.make.voronoi import voronoi_mesh
@@ -33,7 +33,7 @@ def square(kind: str, n_dofs: float) -> PolygonMesh:
 def region(name: str) -> RegionKernel:
     """Compiled energy with the benchmarks' parameters."""
     energy = DENSITIES[ENERGIES.get(name, name)]
-    kernel = compile_energy(energy.density, energy.name, energy.parameters, energy.description)
+    kernel = compile_cells(energy.density, energy.name, energy.parameters, energy.description)
     return RegionKernel(kernel, kernel.parameter_array(VALUES))
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codegen.library import address
 from codegen.packs import LANES, packed
 from codegen.potential import degree_of, gradient_of_potential
 
@@ -211,16 +212,3 @@ class Tangents:
         """
         arrays = (self.dense_caibj, self.values, self.position_cab, self.row_length_n)
         return TangentsStruct(*(address(a) for a in arrays))
-
-
-def address(array: NDArray[Any] | None) -> int | None:
-    """Address of an array's data for C.
-
-    Raises:
-        ValueError: the array is not C-contiguous.
-    """
-    if array is None:
-        return None
-    if not array.flags.c_contiguous:
-        raise ValueError("kernels take C-contiguous arrays only")
-    return array.ctypes.data

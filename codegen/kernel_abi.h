@@ -10,12 +10,6 @@
  * sp_ma is [n_packs][m][a][8].
  */
 
-/* What to compute; each level includes the ones before it. */
-enum { TMC_ENERGY = 0, TMC_GRADIENT = 1, TMC_TANGENT = 2 };
-
-/* Number of derivative rows that the energy uses: 2 (F only) or 6 (F and G). */
-extern const int tmc_n_rows;
-
 /* Cells with equally many basis functions, pieces and quadrature points.
  *
  * The projected gradient of a basis function is, on piece t, sum_m gradient_txma m(xi); the second gradient is the
@@ -78,12 +72,3 @@ int64_t tmc_max_step(const tmc_batch *batch, const double *u_ni, const double *d
 int64_t tmc_positions(int64_t n_cells, int n_basis, const int32_t *nodes_ca, const int64_t *row_start_n,
                       const int32_t *row_length_n, const int32_t *column_n, const int32_t *columns,
                       int32_t *position_cab);
-
-/* Energy density and its derivatives at single states, in the order of Appendix C.
- *   x_nx   [n_states][12]  F - I and G: [H11 H21 H12 H22 G111 G211 G121 G221 G112 G212 G122 G222]
- *   psi_n  [n_states]      out
- *   g_nx   [n_states][12]  out from level 1, else may be NULL
- *   h_nk   [n_states][78]  out at level 2, else may be NULL: upper triangle of the Hessian, row by row
- */
-void tmc_points(int level, int64_t n_states, const double *x_nx, const double *parameters,
-                double *psi_n, double *g_nx, double *h_nk);

@@ -4,8 +4,6 @@
  * lanes and the products of small matrices that everything else is made of.
  */
 
-enum { N_X = 12, N_H = 78 };
-
 /* Tiles that stay in registers: 16 sums and 8 operands with 32 vector registers, else 4 sums. */
 #ifdef __AVX512F__
 enum { MAX_TILE = 4 };

@@ -1,7 +1,7 @@
 """Stage 5: put the pieces of the C translation unit together.
 
-Input: schedules. Output: :class:`~codegen.ir.KernelSource`, a self-contained C99 file (point kernels for each level,
-then the cell driver, which is the same for every energy).
+Input: schedules. Output: :class:`~codegen.ir.KernelSource`, a self-contained C99 file: point kernels for each level,
+then what calls them, which is the same for every energy.
 """
 
 from __future__ import annotations
@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from codegen.cprinter import c_expression
-from codegen.ctext import abi_header, driver_source, point_arithmetic_source
+from codegen.ctext import point_arithmetic_source, points_header, points_source
 from codegen.derive import parameter_symbol, symbol_names
+from codegen.driver import Driver
 from codegen.ir import LEVELS, DerivedEnergy, KernelSource, Schedule
-from codegen.ordering import F_NAMES, X_NAMES
+from codegen.ordering import F_NAMES, N_HESSIAN, N_X, X_NAMES
 
 J_NAMES = {"J", "Jm1", "logJ", "logJr", "invJ"}
 _DERIVATIVES = {"energy": "", "gradient": "g", "tangent": "gh"}  # what a level writes besides psi
@@ -50,7 +51,7 @@ _HEADER = """\
 extern "C" {{
 #endif
 
-{abi}
+{declarations}
 #ifdef __cplusplus
 }}
 #endif
@@ -64,24 +65,28 @@ def kernel_source(
     schedules: Mapping[str, Schedule],
     description: str = "",
     versions: Mapping[str, str] | None = None,
+    driver: Driver | None = None,
 ) -> KernelSource:
     """The complete C source of an energy and its header; ``versions`` go into the provenance comment."""
     provenance = _provenance(derived, schedules, description, versions or {})
+    header = points_header() + (f"\n{driver.declarations}" if driver else "")
+    n_rows = 6 if derived.uses_second_gradient else 2
     parts = [
         provenance,
         _PREAMBLE,
-        f"enum {{ LANES = {LANES}, N_ROWS = {6 if derived.uses_second_gradient else 2} }};\n",
-        abi_header(),
+        f"enum {{ LANES = {LANES}, N_ROWS = {n_rows}, N_X = {N_X}, N_H = {N_HESSIAN} }};\n",
+        header,
         "const int tmc_n_rows = N_ROWS;\n",
         point_arithmetic_source(),
         *(_point_kernel(derived, schedules[level]) for level in LEVELS),
-        driver_source(),
+        points_source(),
+        *([driver.source] if driver else []),
     ]
     return KernelSource(
         name=derived.name,
         parameters=derived.parameters,
         c_source="\n".join(parts),
-        header=_HEADER.format(provenance=provenance, abi=abi_header()),
+        header=_HEADER.format(provenance=provenance, declarations=header),
         uses_second_gradient=derived.uses_second_gradient,
         operations={level: schedules[level].operations for level in LEVELS},
         operations_before={level: schedules[level].operations_before for level in LEVELS},

@@ -10,7 +10,7 @@ from tmc_vem.energy import DENSITIES
 
 DIRECTORY = Path(__file__).parent
 COMMAND = "python tests/golden/update.py"
-START, END = "static void point_energy(", "/* ---- Cell driver"
+START, END = "static void point_energy(", "/* ---- Single states"
 
 
 def golden_text(name: str) -> str:

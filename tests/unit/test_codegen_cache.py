@@ -190,13 +190,13 @@ def test_a_compiler_that_fails_is_quoted_and_leaves_nothing(cache, monkeypatch):
 # Time of the processor, the compiler's included: other programs may be using the machine.
 LOADED = """
 import numpy, subprocess, sys
-from codegen.kernel import compile_energy
+from codegen.cells import compile_cells
 from tmc_vem.energy import DENSITIES
 started = []
 run = subprocess.run
 subprocess.run = lambda *words, **options: (started.append(words), run(*words, **options))[1]
 energy = DENSITIES["medium_angle_damped"]
-compile_energy(energy.density, energy.name, energy.parameters, energy.description)
+compile_cells(energy.density, energy.name, energy.parameters, energy.description)
 print("sympy" in sys.modules, "cffi" in sys.modules, len(started))
 """
 

@@ -9,19 +9,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from codegen import abi
+from codegen.abi import SIGNATURES
 from codegen.batch import BatchStruct, CellBatch, Tangents, TangentsStruct
-from codegen.ctext import abi_header
+from codegen.cell_driver import CELL_DRIVER
+from codegen.cells import CellKernel, compile_cells
+from codegen.ctext import points_header
 from codegen.errors import CodegenError
-from codegen.kernel import ENERGY, TANGENT, Kernel, compile_energy
+from codegen.kernel import ENERGY, TANGENT, Kernel
+from codegen.library import ARRAY, INT, INT64, POINTS, load_library
 from tmc_vem.energy import DENSITIES
 
 PARAMETERS = {"K": 20.0, "mu": 10.0, "gamma": 0.5, "alpha_r": 0.7, "beta": 2.0}
 
 
-def kernel_of(name: str) -> Kernel:
+def kernel_of(name: str) -> CellKernel:
     energy = DENSITIES[name]
-    return compile_energy(energy.density, energy.name, energy.parameters, energy.description)
+    return compile_cells(energy.density, energy.name, energy.parameters, energy.description)
 
 
 def random_batch(n_cells, n_basis, n_points, n_shapes, rng, *, degrees=(3, 2), n_pieces=1, own_nodes=True):
@@ -310,22 +313,26 @@ def test_arrays_of_the_wrong_shape_are_refused():
 # ---- ABI ------------------------------------------------------------------------------------------------------------
 
 
+def without_comments(code):
+    return re.sub(r"/\*.*?\*/", "", code, flags=re.DOTALL)
+
+
 def test_signatures_are_those_of_the_header():
-    code = re.sub(r"/\*.*?\*/", "", abi_header(), flags=re.DOTALL)
+    code = without_comments(points_header() + CELL_DRIVER.declarations)
     declared = {}
     for result, name, arguments in re.findall(r"(\w+) (tmc_\w+)\(([^)]*)\);", code):
         types = ["pointer" if "*" in argument else argument.split()[0] for argument in arguments.split(",")]
         declared[name] = (result, types)
-    names = {abi._INT: "int", abi._INT64: "int64_t", abi._ARRAY: "pointer", None: "void"}
+    names = {INT: "int", INT64: "int64_t", ARRAY: "pointer", None: "void"}
     expected = {
         name: (names[result], [names[argument] for argument in arguments])
-        for name, (result, arguments) in abi.SIGNATURES.items()
+        for name, (result, arguments) in SIGNATURES.items()
     }
     assert declared == expected
 
 
 def test_structures_are_those_of_the_header():
-    code = re.sub(r"/\*.*?\*/", "", abi_header(), flags=re.DOTALL)
+    code = without_comments(CELL_DRIVER.declarations)
     names = {ctypes.c_int64: "int64_t", ctypes.c_int32: "int32_t", ctypes.c_void_p: "pointer"}
     for name, struct in (("tmc_batch", BatchStruct), ("tmc_tangents", TangentsStruct)):
         (body,) = re.findall(rf"typedef struct {{([^}}]*)}} {name};", code)
@@ -339,4 +346,4 @@ def test_structures_are_those_of_the_header():
 
 def test_a_library_that_is_no_kernel_is_refused(tmp_path):
     with pytest.raises(CodegenError, match=r"no-kernel\.so cannot be loaded"):
-        abi.load_library(tmp_path / "no-kernel.so")
+        load_library(tmp_path / "no-kernel.so", POINTS)

@@ -352,10 +352,10 @@ def _fault(problem: Problem) -> str:
 
 def compile_region(region: RegionEnergy) -> tuple[Any, Any]:
     """Kernel of a region's energy and its parameter array."""
-    from codegen.kernel import compile_energy
+    from codegen.cells import compile_cells
 
     energy = region.energy
-    kernel = compile_energy(energy.density, energy.name, energy.parameters, energy.description)
+    kernel = compile_cells(energy.density, energy.name, energy.parameters, energy.description)
     return kernel, kernel.parameter_array(region.values)
 
 

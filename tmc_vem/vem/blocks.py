@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.batch import CellBatch
-from codegen.kernel import Kernel
+from codegen.cells import CellKernel
 from codegen.packs import Packs
 from codegen.potential import degree_of, potential_of_gradient
 from tmc_vem.mesh.polygon import PolygonMesh
@@ -30,7 +30,7 @@ CHUNK = 1024  # cells whose dense arrays are held at a time
 class RegionKernel:
     """The compiled energy of a region and the values of its parameters in the kernel's order."""
 
-    kernel: Kernel
+    kernel: CellKernel
     parameters: Float
 
 
@@ -49,7 +49,7 @@ class Block:
     """
 
     region: str
-    kernel: Kernel
+    kernel: CellKernel
     parameters: Float
     batch: CellBatch
     cells: Int

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from codegen.batch import Tangents
-from codegen.kernel import CellValues
+from codegen.cells import CellValues
 from tmc_vem.mesh.geometry import centroids
 from tmc_vem.mesh.locate import TOLERANCE
 from tmc_vem.mesh.spread.distribute import DistributedMesh
