@@ -21,14 +21,14 @@ from harness import interleaved, report
 from meshes import DOFS_PER_CELL, ENERGIES, VALUES, bend, region, square
 from mpi4py import MPI
 
-from codegen.batch import Tangents
 from codegen.build import FLAGS, compiler
-from codegen.cell_driver import CELL_DRIVER
 from codegen.compiler import generate
 from codegen.ir import KernelSource
 from codegen.trace import trace
 from tmc_vem.energy import DENSITIES
 from tmc_vem.mesh.spread.distribute import distribute
+from tmc_vem.vem.kernel.batch import Tangents
+from tmc_vem.vem.kernel.driver import CELL_DRIVER
 from tmc_vem.vem.system import VemSystem
 
 LANES = 8

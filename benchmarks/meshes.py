@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from codegen.cells import compile_cells
 from tmc_vem.energy import DENSITIES
 from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.make.voronoi import voronoi_mesh
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.vem.blocks import RegionKernel
+from tmc_vem.vem.kernel.cells import compile_cells
 
 ENERGIES = {"huhu_lulu": "medium_huhu_lulu_damped", "angle": "medium_angle_damped", "solid": "solid"}
 VALUES = {"K": 20.0, "mu": 10.0, "gamma": 1e-3, "alpha_r": 0.7, "beta": 5.0}

@@ -100,7 +100,7 @@ def compare(name: str) -> list[tuple[str, float, float]]:
 def time_to_first_kernel(name: str) -> tuple[float, float]:
     """Seconds from the import of the generator to a loaded kernel in a fresh process: cold cache, then cached."""
     code = (
-        "import time, numpy; t = time.perf_counter(); from codegen.cells import compile_cells;"
+        "import time, numpy; t = time.perf_counter(); from tmc_vem.vem.kernel.cells import compile_cells;"
         f"from tmc_vem.energy import DENSITIES; e = DENSITIES[{name!r}];"
         "compile_cells(e.density, e.name, e.parameters, e.description); print(time.perf_counter() - t)"
     )

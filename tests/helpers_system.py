@@ -11,7 +11,6 @@ from helpers_oracle import INSIDE, powers
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from codegen.cells import CellKernel, compile_cells
 from tmc_vem.energy.registry import DENSITIES
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.mesh.geometry import areas, centroids, diameters
@@ -19,6 +18,7 @@ from tmc_vem.mesh.spread.distribute import distribute
 from tmc_vem.problems import Problem
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.vem.blocks import RegionKernel
+from tmc_vem.vem.kernel.cells import CellKernel, compile_cells
 from tmc_vem.vem.spaces.element import ElementSettings
 from tmc_vem.vem.spaces.quadrature import on_triangles, sub_triangles
 from tmc_vem.vem.spaces.tabulated import points_and_values

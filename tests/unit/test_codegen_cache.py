@@ -190,7 +190,7 @@ def test_a_compiler_that_fails_is_quoted_and_leaves_nothing(cache, monkeypatch):
 # Time of the processor, the compiler's included: other programs may be using the machine.
 LOADED = """
 import numpy, subprocess, sys
-from codegen.cells import compile_cells
+from tmc_vem.vem.kernel.cells import compile_cells
 from tmc_vem.energy import DENSITIES
 started = []
 run = subprocess.run

@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 
 from codegen import build
-from codegen.cell_driver import CELL_DRIVER
-from codegen.cells import compile_cells
 from codegen.compiler import generate
 from codegen.driver import Driver
 from codegen.errors import CodegenError
 from codegen.kernel import TANGENT, compile_energy
 from codegen.trace import trace
 from tmc_vem.energy import DENSITIES
+from tmc_vem.vem.kernel.cells import compile_cells
+from tmc_vem.vem.kernel.driver import CELL_DRIVER
 
 WARNINGS = ("-Wall", "-Wextra", "-Wshadow", "-Wstrict-prototypes", "-Wvla", "-Werror")
 NAMES = ("gcc", "clang", "cc", *(f"gcc-{n}" for n in range(9, 17)), *(f"clang-{n}" for n in range(11, 22)))

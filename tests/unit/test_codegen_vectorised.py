@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from codegen.build import FLAGS, compiler
-from codegen.cell_driver import CELL_DRIVER
 from codegen.compiler import generate
 from codegen.trace import trace
 from tmc_vem.energy import DENSITIES
+from tmc_vem.vem.kernel.driver import CELL_DRIVER
 
 LEVELS = ("energy", "gradient", "tangent")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from codegen.cell_driver import CELL_DRIVER
 from codegen.cli import make_command
+from tmc_vem.vem.kernel.driver import CELL_DRIVER
 
 main = make_command(CELL_DRIVER)

@@ -352,7 +352,7 @@ def _fault(problem: Problem) -> str:
 
 def compile_region(region: RegionEnergy) -> tuple[Any, Any]:
     """Kernel of a region's energy and its parameter array."""
-    from codegen.cells import compile_cells
+    from tmc_vem.vem.kernel.cells import compile_cells
 
     energy = region.energy
     kernel = compile_cells(energy.density, energy.name, energy.parameters, energy.description)

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.batch import CellBatch
-from codegen.cells import CellKernel
-from codegen.packs import Packs
-from codegen.potential import degree_of, potential_of_gradient
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.spread.distribute import DistributedMesh
 from tmc_vem.vem.dofmap import DofMap
+from tmc_vem.vem.kernel.batch import CellBatch
+from tmc_vem.vem.kernel.cells import CellKernel
+from tmc_vem.vem.kernel.packs import Packs
+from tmc_vem.vem.kernel.potential import degree_of, potential_of_gradient
 from tmc_vem.vem.spaces import monomials
 from tmc_vem.vem.spaces.element import ElementGroup
 from tmc_vem.vem.spaces.projector import n_translated_dofs

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.potential import degree_of
+from tmc_vem.vem.kernel.potential import degree_of
 from tmc_vem.vem.spaces import monomials
 from tmc_vem.vem.spaces.projector import (
     PolygonGeometry,

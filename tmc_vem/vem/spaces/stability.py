@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.potential import degree_of
+from tmc_vem.vem.kernel.potential import degree_of
 from tmc_vem.vem.spaces import monomials
 from tmc_vem.vem.spaces.projector import PolygonGeometry, dofs_of_monomials, elliptic_projector, gradient_projector
 from tmc_vem.vem.spaces.spaces import Shapes

@@ -9,15 +9,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from codegen.abi import SIGNATURES
-from codegen.batch import BatchStruct, CellBatch, Tangents, TangentsStruct
-from codegen.cell_driver import CELL_DRIVER
-from codegen.cells import CellKernel, compile_cells
 from codegen.ctext import points_header
 from codegen.errors import CodegenError
 from codegen.kernel import ENERGY, TANGENT, Kernel
 from codegen.library import ARRAY, INT, INT64, POINTS, load_library
 from tmc_vem.energy import DENSITIES
+from tmc_vem.vem.kernel.abi import SIGNATURES
+from tmc_vem.vem.kernel.batch import BatchStruct, CellBatch, Tangents, TangentsStruct
+from tmc_vem.vem.kernel.cells import CellKernel, compile_cells
+from tmc_vem.vem.kernel.driver import CELL_DRIVER
 
 PARAMETERS = {"K": 20.0, "mu": 10.0, "gamma": 0.5, "alpha_r": 0.7, "beta": 2.0}
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.library import address
-from codegen.packs import LANES, packed
-from codegen.potential import degree_of, gradient_of_potential
+from tmc_vem.vem.kernel.packs import LANES, packed
+from tmc_vem.vem.kernel.potential import degree_of, gradient_of_potential
 
 Array = NDArray[np.float64]
 Int32 = NDArray[np.int32]
@@ -54,7 +54,7 @@ class CellBatch:
             take the translation of the first node out before they sum, which keeps a stiff body that moves far free
             of forces from rounding. 0 if a translation is something else.
         has_potential: ``gradient_sp`` holds the coefficients (n_packs, n_pieces, dim P - 1, n_basis, 8) of a potential,
-            one degree higher and without the constant, see :mod:`codegen.potential`.
+            one degree higher and without the constant, see :mod:`tmc_vem.vem.kernel.potential`.
     """
 
     shape_c: Int32

@@ -10,11 +10,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.abi import SIGNATURES
-from codegen.batch import CellBatch, Tangents, TangentsStruct
-from codegen.cell_driver import CELL_DRIVER
 from codegen.kernel import ENERGY, GRADIENT, TANGENT, Kernel, compiled
 from codegen.library import Signatures, address
+from tmc_vem.vem.kernel.abi import SIGNATURES
+from tmc_vem.vem.kernel.batch import CellBatch, Tangents, TangentsStruct
+from tmc_vem.vem.kernel.driver import CELL_DRIVER
 
 Array = NDArray[np.float64]
 Int32 = NDArray[np.int32]
