@@ -10,7 +10,7 @@ from test_kernel_cells import PARAMETERS, kernel_of, powers, random_batch, run
 
 from tmc_vem.vem.kernel.batch import CellBatch
 from tmc_vem.vem.kernel.packs import packed
-from tmc_vem.vem.kernel.potential import gradient_of_potential, potential_of_gradient
+from tmc_vem.vem.spaces.potential import gradient_of_potential, potential_of_gradient
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 3, 4])

@@ -40,7 +40,7 @@ static void limit(vec *steps, const vec *gradients) {
 int64_t tmc_max_step(const tmc_batch *batch, const double *u_ni, const double *du_ni, double *step_c) {
   workspace work;
   if (!allocate(&work, batch, 0)) return -2;
-  const int n_q = batch->n_points, n_1 = dimension(batch->gradient_degree);
+  const int n_q = batch->n_points, n_1 = batch->n_first;
   vec gradients[STATES][8]; /* [x][i], i of u and of du */
   for (int64_t c0 = 0; c0 < batch->n_cells; c0 += LANES) {
     take_shapes(&work, batch, c0);

@@ -14,7 +14,9 @@
  *
  * The projected gradient of a basis function is, on piece t, sum_m gradient_txma m(xi); the second gradient is the
  * derivative of sum_m second_xma m(xi), one polynomial on the whole cell. Both are derivatives with respect to the
- * original coordinates. The monomials xi^a eta^b of the scaled coordinates are ordered by degree, then by b.
+ * original coordinates. Which monomials of the scaled coordinates there are is told by a table: of every monomial m and
+ * coordinate xi_x, where xi_x m stands among them, and its power of xi_x, so that d(xi_x m)/dxi_x is power_mx m. The first
+ * monomial is 1, and every other is one of these products.
  *
  * Where the projected gradient on every piece is the gradient of a polynomial sum_m potential_tma m(xi), its coefficients
  * without the constant, m = 1, 2, ..., may take the place of gradient_txma: three quarters of the memory for degree 2.
@@ -22,9 +24,12 @@
 typedef struct {
   int64_t n_cells;
   int32_t n_basis, n_points, n_pieces;
-  int32_t gradient_degree, second_degree; /* of gradient_txma and second_xma */
+  int32_t n_first, n_stored;  /* monomials of the first gradient; coefficients kept of it for a function on a piece */
+  int32_t n_second, n_lower;  /* monomials of second_xma, and of its derivatives, the first of them */
   int32_t n_translated; /* a translation by 1 is 1 in so many degrees of freedom, the first, and 0 in the others; or 0 */
-  int32_t has_potential; /* 1 if gradient_sptxma holds potential_sptma, whose degree is one higher */
+  int32_t has_potential; /* 1 if gradient_sptxma holds potential_sptma */
+  const int32_t *raised_mx;   /* positions of xi m and eta m, for the monomials of both gradients */
+  const double *power_mx;     /* powers of xi in the one, of eta in the other */
   const int32_t *shape_c;                 /* [n_cells] */
   const int32_t *nodes_ca;                /* [n_cells][n_basis] */
   const int32_t *piece_q;                 /* [n_points] the piece on which a point lies */
