@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from codegen.integrand import second_gradient_energy
 from tmc_vem.energy import DENSITIES
 from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.make.voronoi import voronoi_mesh
@@ -33,7 +34,7 @@ def square(kind: str, n_dofs: float) -> PolygonMesh:
 def region(name: str) -> RegionKernel:
     """Compiled energy with the benchmarks' parameters."""
     energy = DENSITIES[ENERGIES.get(name, name)]
-    kernel = compile_cells(energy.density, energy.name, energy.parameters, energy.description)
+    kernel = compile_cells(second_gradient_energy(energy.density, energy.name, energy.parameters))
     return RegionKernel(kernel, kernel.parameter_array(VALUES))
 
 

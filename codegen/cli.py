@@ -79,7 +79,7 @@ def make_command(driver: Driver | None = None) -> click.Command:
 
 
 def _write_and_show(loaded: LoadedDensity, output: Path | None, show: bool, driver: Driver | None) -> None:
-    traced = trace(loaded.function, loaded.name, tuple(loaded.parameters))
+    traced = trace(loaded.integrand)
     source = generate(traced, loaded.description, versions(), driver)
     if output:
         for path in _write(output, loaded.name, {".c": source.c_source, ".h": source.header}):
@@ -110,8 +110,7 @@ def _values(loaded: LoadedDensity) -> dict[str, float]:
 def _check(loaded: LoadedDensity, driver: Driver | None) -> bool:
     """Compile the kernel, print the verification table, and say whether everything passed."""
     values = _values(loaded)
-    library = compiled(loaded.function, loaded.name, tuple(values), loaded.description, driver)
-    kernel = Kernel(library, loaded.name, tuple(values))
+    kernel = Kernel(compiled(loaded.integrand, driver), loaded.integrand)
     findings = verify(kernel, loaded.function, values, loaded.declared)
     _print_table(loaded, values, findings)
     return all(finding.passed for finding in findings)

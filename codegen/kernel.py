@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,9 @@ from codegen.build import build
 from codegen.compiler import generate
 from codegen.driver import Driver
 from codegen.errors import CodegenError
+from codegen.integrand import Density, Integrand, second_gradient_energy
+from codegen.layout import Layout
 from codegen.library import POINTS, Signatures, address, derivative_rows, load_library
-from codegen.ordering import N_HESSIAN, N_X, UPPER_TRIANGLE
 from codegen.trace import trace
 
 Array = NDArray[np.float64]
@@ -27,22 +28,21 @@ class Kernel:
 
     Args:
         library: path of the shared object.
-        name: the energy's name.
-        parameters: names of its parameters in the order of the kernel's array.
+        integrand: what it was made of.
+
+    Attributes:
+        uses_second_gradient: whether the energy depends on G.
     """
 
     signatures: ClassVar[Signatures] = POINTS
 
-    def __init__(self, library: Path, name: str, parameters: Sequence[str]) -> None:
-        self.name = name
-        self.parameters = tuple(parameters)
+    def __init__(self, library: Path, integrand: Integrand) -> None:
+        self.name = integrand.name
+        self.parameters = integrand.parameter_names
+        self.layout = integrand.layout
         self.library = library
         self._lib = load_library(library, self.signatures)
-
-    @property
-    def uses_second_gradient(self) -> bool:
-        """Whether the energy depends on G."""
-        return derivative_rows(self._lib) == 6
+        self.uses_second_gradient = derivative_rows(self._lib) > self.layout.n_first_rows
 
     def parameter_array(self, values: Mapping[str, float]) -> Array:
         """Values in the kernel's order.
@@ -69,17 +69,17 @@ class Kernel:
         Raises:
             ValueError: an array has a wrong shape.
         """
-        x_nx = np.ascontiguousarray(x_nx, dtype=np.float64).reshape(-1, N_X)
+        x_nx = np.ascontiguousarray(x_nx, dtype=np.float64).reshape(-1, self.layout.n_inputs)
         self.check_parameters(parameters)
         n = len(x_nx)
         psi_n = np.empty(n)
-        g_nx = np.empty((n, N_X)) if level >= GRADIENT else None
-        h_nk = np.empty((n, N_HESSIAN)) if level >= TANGENT else None
+        g_nx = np.empty_like(x_nx) if level >= GRADIENT else None
+        h_nk = np.empty((n, self.layout.n_hessian)) if level >= TANGENT else None
         self._lib.tmc_points(
             level, n, address(x_nx), address(parameters), address(psi_n), address(g_nx),
             address(h_nk),
         )  # fmt: skip
-        return psi_n, g_nx, None if h_nk is None else _unpack(h_nk)
+        return psi_n, g_nx, None if h_nk is None else _unpack(h_nk, self.layout)
 
     def check_parameters(self, parameters: Array) -> None:
         """Check an array of parameter values.
@@ -92,37 +92,32 @@ class Kernel:
             raise ValueError(f"{len(self.parameters)} parameters expected ({names}), got {parameters.size}")
 
 
-def _unpack(h_nk: Array) -> Array:
-    rows, columns = np.array(UPPER_TRIANGLE).T
-    h_nxy = np.empty((len(h_nk), N_X, N_X))
+def _unpack(h_nk: Array, layout: Layout) -> Array:
+    rows, columns = np.array(layout.upper_triangle).T
+    h_nxy = np.empty((len(h_nk), layout.n_inputs, layout.n_inputs))
     h_nxy[:, rows, columns] = h_nk
     h_nxy[:, columns, rows] = h_nk
     return h_nxy
 
 
 def compile_energy(
-    density: Callable[[Any, Any, Any, Any], Any], name: str, parameters: Sequence[str], description: str = ""
+    density: Density, name: str, parameters: Mapping[str, float | None] | Iterable[str], description: str = ""
 ) -> Kernel:
     """Kernel of a density, from the cache if it is there.
 
     Raises:
         CodegenError: the density cannot be traced, or its kernel not generated, compiled or loaded.
     """
-    return Kernel(compiled(density, name, parameters, description), name, parameters)
+    integrand = second_gradient_energy(density, name, parameters, description)
+    return Kernel(compiled(integrand), integrand)
 
 
-def compiled(
-    density: Callable[[Any, Any, Any, Any], Any],
-    name: str,
-    parameters: Sequence[str],
-    description: str = "",
-    driver: Driver | None = None,
-) -> Path:
-    """Path of the shared object of a density, with a driver or without; compiled if the cache does not have it.
+def compiled(integrand: Integrand, driver: Driver | None = None) -> Path:
+    """Path of the shared object of an integrand, with a driver or without; compiled if the cache does not have it.
 
     Raises:
-        CodegenError: the density cannot be traced, or its kernel not generated or compiled.
+        CodegenError: the integrand cannot be traced, or its kernel not generated or compiled.
     """
-    traced = trace(density, name, parameters)
+    traced = trace(integrand)
     fingerprint = traced.fingerprint() + (driver.key if driver else "")
-    return build(name, fingerprint, lambda: generate(traced, description, driver=driver).c_source)
+    return build(traced.name, fingerprint, lambda: generate(traced, integrand.description, driver=driver).c_source)

@@ -12,12 +12,12 @@ from codegen.cprinter import c_expression
 from codegen.ctext import point_arithmetic_source, points_header, points_source
 from codegen.derive import parameter_symbol, symbol_names
 from codegen.driver import Driver
+from codegen.integrand import DEFORMATION_GRADIENT
 from codegen.ir import LEVELS, DerivedEnergy, KernelSource, Schedule
-from codegen.ordering import F_NAMES, N_HESSIAN, N_X, X_NAMES
+from codegen.layout import Layout
 
 J_NAMES = {"J", "Jm1", "logJ", "logJr", "invJ"}
 _DERIVATIVES = {"energy": "", "gradient": "g", "tangent": "gh"}  # what a level writes besides psi
-LANES = 8  # quadrature points evaluated at once: one AVX-512 register of doubles
 
 _PREAMBLE = """\
 #include <math.h>
@@ -70,11 +70,10 @@ def kernel_source(
     """The complete C source of an energy and its header; ``versions`` go into the provenance comment."""
     provenance = _provenance(derived, schedules, description, versions or {})
     header = points_header() + (f"\n{driver.declarations}" if driver else "")
-    n_rows = 6 if derived.uses_second_gradient else 2
     parts = [
         provenance,
         _PREAMBLE,
-        f"enum {{ LANES = {LANES}, N_ROWS = {n_rows}, N_X = {N_X}, N_H = {N_HESSIAN} }};\n",
+        derived.layout.c_constants(derived.n_rows),
         header,
         "const int tmc_n_rows = N_ROWS;\n",
         point_arithmetic_source(),
@@ -87,7 +86,7 @@ def kernel_source(
         parameters=derived.parameters,
         c_source="\n".join(parts),
         header=_HEADER.format(provenance=provenance, declarations=header),
-        uses_second_gradient=derived.uses_second_gradient,
+        n_rows=derived.n_rows,
         operations={level: schedules[level].operations for level in LEVELS},
         operations_before={level: schedules[level].operations_before for level in LEVELS},
     )
@@ -125,24 +124,24 @@ def _point_kernel(derived: DerivedEnergy, schedule: Schedule) -> str:
     head += [f"  (void){name};" for name in _DERIVATIVES[schedule.level] if name not in written]
     head += ["  LANES_ARE_INDEPENDENT", "  for (int v = 0; v < LANES; ++v) {"]
 
-    body = [*_inputs(used), *_jacobian_functions(used)]
+    body = [*_inputs(derived.layout, used), *_jacobian_functions(used)]
     body += [f"const double {a.target} = {c_expression(a.value)};" for a in schedule.temporaries]
     body += [f"{_lane(a.target)} = {c_expression(a.value)};" for a in schedule.outputs]
     return "\n".join([*head, *(f"    {line}" for line in body), "  }", "}", ""])
 
 
-def _inputs(used: set[str]) -> list[str]:
+def _inputs(layout: Layout, used: set[str]) -> list[str]:
     """Local names of the components of F - I, F and G that a kernel needs."""
-    diagonal = {"H11": "F11", "H22": "F22"}
     lines = []
-    for n, name in enumerate(X_NAMES):
-        h = f"H{name[1:]}"
-        if h in diagonal:
-            if used & ({h, name} | J_NAMES):
+    for n, (name, at_rest) in enumerate(zip(layout.names, layout.at_rest, strict=True)):
+        wanted = {name, *(J_NAMES if name in DEFORMATION_GRADIENT.names else ())}
+        if at_rest:
+            h = f"H{name[1:]}"
+            if used & {h, *wanted}:
                 lines.append(f"const double {h} = x[{n}][v];")
             if name in used:
                 lines.append(f"const double {name} = 1.0 + {h};")
-        elif name in used or (name in F_NAMES and used & J_NAMES):
+        elif used & wanted:
             lines.append(f"const double {name} = x[{n}][v];")
     return lines
 

@@ -11,6 +11,7 @@ from helpers_oracle import INSIDE, powers
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from codegen.integrand import second_gradient_energy
 from tmc_vem.energy.registry import DENSITIES
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.mesh.geometry import areas, centroids, diameters
@@ -34,7 +35,7 @@ CLAMPED = (Prescribed("boundary", 0), Prescribed("boundary", 1))
 def kernel(name: str) -> CellKernel:
     """Compiled energy of the registry."""
     energy = DENSITIES[name]
-    return compile_cells(energy.density, energy.name, energy.parameters)
+    return compile_cells(second_gradient_energy(energy.density, energy.name, energy.parameters))
 
 
 def region(name: str, **values: float) -> RegionKernel:

@@ -17,6 +17,7 @@ from codegen import build
 from codegen.compiler import generate
 from codegen.driver import Driver
 from codegen.errors import CodegenError
+from codegen.integrand import second_gradient_energy
 from codegen.kernel import TANGENT, compile_energy
 from codegen.trace import trace
 from tmc_vem.energy import DENSITIES
@@ -39,7 +40,7 @@ def compilers() -> list[str]:
 @cache
 def c_source(name: str, driver: Driver | None) -> str:
     energy = DENSITIES[name]
-    traced = trace(energy.density, energy.name, energy.parameters)
+    traced = trace(second_gradient_energy(energy.density, energy.name, energy.parameters))
     return generate(traced, energy.description, driver=driver).c_source
 
 
@@ -120,7 +121,7 @@ def test_a_compiler_without_vector_types_is_refused_in_words(cache_directory, mo
     with pytest.raises(
         CodegenError, match=r"/no-vectors failed: it ignores vector types, .*; set CC to gcc or clang$"
     ) as caught:
-        compile_cells(square, "square", ())
+        compile_cells(second_gradient_energy(square, "square"))
     assert "\n" not in str(caught.value)
 
 
@@ -128,7 +129,7 @@ def test_a_compiler_without_vector_types_is_refused_in_words(cache_directory, mo
 def test_tcc_is_refused_in_words(cache_directory, monkeypatch):
     monkeypatch.setenv("CC", "tcc")
     with pytest.raises(CodegenError, match=r"/tcc failed: it ignores vector types, which kernels are made of; set CC"):
-        compile_cells(square, "square", ())
+        compile_cells(second_gradient_energy(square, "square"))
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import pytest
 
 from codegen.build import FLAGS, compiler
 from codegen.compiler import generate
+from codegen.integrand import second_gradient_energy
 from codegen.trace import trace
 from tmc_vem.energy import DENSITIES
 from tmc_vem.vem.kernel.driver import CELL_DRIVER
@@ -32,7 +33,9 @@ def assembled(request, tmp_path_factory) -> tuple[str, str, str]:
     if not has_libmvec():
         pytest.skip("this system has no libmvec")
     energy = DENSITIES[request.param]
-    source = generate(trace(energy.density, energy.name, energy.parameters), driver=CELL_DRIVER).c_source
+    source = generate(
+        trace(second_gradient_energy(energy.density, energy.name, energy.parameters)), driver=CELL_DRIVER
+    ).c_source
     path: Path = tmp_path_factory.mktemp("vectorised") / "kernel.c"
     path.write_text(source)
     flags = [flag for flag in FLAGS if flag != "-shared"]

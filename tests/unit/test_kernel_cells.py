@@ -11,6 +11,7 @@ import pytest
 
 from codegen.ctext import points_header
 from codegen.errors import CodegenError
+from codegen.integrand import second_gradient_energy
 from codegen.kernel import ENERGY, TANGENT, Kernel
 from codegen.library import ARRAY, INT, INT64, POINTS, load_library
 from tmc_vem.energy import DENSITIES
@@ -24,7 +25,7 @@ PARAMETERS = {"K": 20.0, "mu": 10.0, "gamma": 0.5, "alpha_r": 0.7, "beta": 2.0}
 
 def kernel_of(name: str) -> CellKernel:
     energy = DENSITIES[name]
-    return compile_cells(energy.density, energy.name, energy.parameters, energy.description)
+    return compile_cells(second_gradient_energy(energy.density, energy.name, energy.parameters))
 
 
 def random_batch(n_cells, n_basis, n_points, n_shapes, rng, *, degrees=(3, 2), n_pieces=1, own_nodes=True):

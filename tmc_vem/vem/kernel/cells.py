@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from codegen.integrand import Integrand
 from codegen.kernel import ENERGY, GRADIENT, TANGENT, Kernel, compiled
 from codegen.library import Signatures, address
 from tmc_vem.vem.kernel.abi import SIGNATURES
@@ -143,12 +143,10 @@ def _checked_tangents(tangents: Tangents, batch: CellBatch) -> TangentsStruct:
     return tangents.struct
 
 
-def compile_cells(
-    density: Callable[[Any, Any, Any, Any], Any], name: str, parameters: Sequence[str], description: str = ""
-) -> CellKernel:
-    """Kernel of a density with the cell driver, from the cache if it is there.
+def compile_cells(integrand: Integrand) -> CellKernel:
+    """Kernel of an integrand with the cell driver, from the cache if it is there.
 
     Raises:
-        CodegenError: the density cannot be traced, or its kernel not generated, compiled or loaded.
+        CodegenError: the integrand cannot be traced, or its kernel not generated, compiled or loaded.
     """
-    return CellKernel(compiled(density, name, parameters, description, CELL_DRIVER), name, parameters)
+    return CellKernel(compiled(integrand, CELL_DRIVER), integrand)

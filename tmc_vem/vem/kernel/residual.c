@@ -136,12 +136,12 @@ static int64_t cells_below_tangent(const tmc_batch *batch, const double *u_ni, c
   workspace work;
   if (!allocate(&work, batch, 0)) return -2;
   const int n = batch->n_basis, n_q = batch->n_points, n_1 = batch->n_first, n_m = n_monomials(batch);
-  const int n_2 = batch->n_second, n_lower = N_ROWS > 2 ? batch->n_lower : 0;
-  const derivatives second = {4, n_lower, 0, 4, 8, 4}; /* d1 of both directions of S, then d2 */
+  const int n_2 = batch->n_second, n_lower = N_ROWS > N_FIRST_ROWS ? batch->n_lower : 0;
+  const derivatives second = {N_F, n_lower, 0, N_F, N_G, N_F}; /* d1 of both directions of S, then d2 */
   /* the second gradient is often that of the first gradient's own polynomials */
-  const int own = N_ROWS > 2 && batch->n_pieces == 1 && batch->second_spxma == batch->gradient_sptxma;
-  vec *P_mxi = work.polynomials, *T_mxi = P_mxi + 4 * n_1, *S_mxi = T_mxi + 4 * n_1;
-  vec *V_mri = S_mxi + 4 * n_2, *W_mri = V_mri + 8 * n_lower, *Q_mi = W_mri + 8 * n_lower;
+  const int own = N_ROWS > N_FIRST_ROWS && batch->n_pieces == 1 && batch->second_spxma == batch->gradient_sptxma;
+  vec *P_mxi = work.polynomials, *T_mxi = P_mxi + N_F * n_1, *S_mxi = T_mxi + N_F * n_1;
+  vec *V_mri = S_mxi + N_F * n_2, *W_mri = V_mri + N_G * n_lower, *Q_mi = W_mri + N_G * n_lower;
   state states[STATES];
   memset(states, 0, sizeof states); /* entries that vanish identically are never written */
   int64_t inadmissible = -1;
@@ -152,7 +152,7 @@ static int64_t cells_below_tangent(const tmc_batch *batch, const double *u_ni, c
     vec energy = {0.0}, min_j = (vec){0.0} + INFINITY;
     if (residual_ni) {
       memset(work.R_ai, 0, 2 * (size_t)n * sizeof(vec));
-      memset(W_mri, 0, 8 * (size_t)n_lower * sizeof(vec));
+      memset(W_mri, 0, N_G * (size_t)n_lower * sizeof(vec));
     }
     if (n_lower && !own) {
       to_polynomials(2, 2, n_2, n, work.second, work.u_ai, S_mxi);
@@ -164,8 +164,8 @@ static int64_t cells_below_tangent(const tmc_batch *batch, const double *u_ni, c
       if (own) differentiate(second, batch, work.scale, P_mxi, V_mri);
       for (int q0 = q, q1; q0 < end; q0 = q1) {
         q1 = states_end(end, q0);
-        product(0, 0, q1 - q0, 4, n_1, work.m_mq + q0, n_q, P_mxi, 4, states->x, STEP);
-        if (N_ROWS > 2) product(0, 0, q1 - q0, 8, n_lower, work.m_mq + q0, n_q, V_mri, 8, states->x + 4, STEP);
+        product(0, 0, q1 - q0, N_F, n_1, work.m_mq + q0, n_q, P_mxi, N_F, states->x, STEP);
+        if (N_ROWS > N_FIRST_ROWS) product(0, 0, q1 - q0, N_G, n_lower, work.m_mq + q0, n_q, V_mri, N_G, states->x + N_F, STEP);
         for (int p = 0; p < q1 - q0; ++p) {
           state *at = states + p;
           const vec w = work.weights[q0 + p];
@@ -177,8 +177,8 @@ static int64_t cells_below_tangent(const tmc_batch *batch, const double *u_ni, c
           energy += w * at->psi;
         }
         if (residual_ni) {
-          product(0, q0 > q, n_1, 4, q1 - q0, work.wm_qm + q0 * n_m, n_m, states->g, STEP, T_mxi, 4);
-          if (N_ROWS > 2) product(0, 1, n_lower, 8, q1 - q0, work.wm_qm + q0 * n_m, n_m, states->g + 4, STEP, W_mri, 8);
+          product(0, q0 > q, n_1, N_F, q1 - q0, work.wm_qm + q0 * n_m, n_m, states->g, STEP, T_mxi, N_F);
+          if (N_ROWS > N_FIRST_ROWS) product(0, 1, n_lower, N_G, q1 - q0, work.wm_qm + q0 * n_m, n_m, states->g + N_F, STEP, W_mri, N_G);
         }
       }
       if (residual_ni) {
@@ -187,7 +187,7 @@ static int64_t cells_below_tangent(const tmc_batch *batch, const double *u_ni, c
       }
     }
     if (residual_ni && n_lower && !own) {
-      memset(S_mxi, 0, 4 * (size_t)n_2 * sizeof(vec));
+      memset(S_mxi, 0, N_F * (size_t)n_2 * sizeof(vec));
       add_differentiated(second, batch, work.scale, W_mri, S_mxi);
       to_nodes(2, n_2, n, work.second, S_mxi, work.R_ai);
     }

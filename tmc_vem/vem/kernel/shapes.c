@@ -23,7 +23,7 @@ typedef struct {
 
 /* How many monomials are needed at the points. */
 static inline int n_monomials(const tmc_batch *batch) {
-  return N_ROWS > 2 && batch->n_lower > batch->n_first ? batch->n_lower : batch->n_first;
+  return N_ROWS > N_FIRST_ROWS && batch->n_lower > batch->n_first ? batch->n_lower : batch->n_first;
 }
 
 static int allocate(workspace *work, const tmc_batch *batch, int tangent) {
@@ -42,7 +42,7 @@ static int allocate(workspace *work, const tmc_batch *batch, int tangent) {
       {&work->m_mq, n_m * n_q, 1},
       {&work->u_ai, 4 * n, 1}, /* two displacements side by side for the largest step */
       {&work->R_ai, 2 * n, 1},
-      {&work->polynomials, 8 * n_1 + 4 * n_stored + 4 * n_2 + 16 * n_lower, !tangent},
+      {&work->polynomials, 2 * N_F * n_1 + 4 * n_stored + N_F * n_2 + 2 * N_G * n_lower, !tangent},
       {&work->wm_qm, n_m * n_q, !tangent},
       {&work->gradient_txma, 2 * n_1 * n * batch->n_pieces, tangent && batch->has_potential},
       {&work->B_qra, n_q * N_ROWS * n, tangent},
@@ -146,7 +146,7 @@ static int take_shapes(workspace *work, const tmc_batch *batch, int64_t first_ce
                              work->stored_gradient);
   work->scale = of_shapes(batch->inverse_h_sp, 1, shape_v, work->inverse_h);
   work->weights = of_shapes(batch->w_spq, n_q, shape_v, work->w_q);
-  if (N_ROWS > 2) {
+  if (N_ROWS > N_FIRST_ROWS) {
     work->second = of_shapes(batch->second_spxma, 2 * (size_t)batch->n_second * n, shape_v, work->second_xma);
   }
   monomials(batch, n_monomials(batch), xi_qx, work->m_mq);

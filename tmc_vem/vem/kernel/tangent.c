@@ -3,7 +3,7 @@
  * from its component blocks xx, xy and yy, the symmetric ones by half.
  */
 
-/* Position of (row, column), row <= column, in the packed upper triangle of the 12 x 12 Hessian. */
+/* Position of (row, column), row <= column, in the packed upper triangle of the Hessian. */
 static inline int packed(int row, int column) { return row * N_X - row * (row - 1) / 2 + column - row; }
 
 static inline int hessian_index(int a, int b) { return a <= b ? packed(a, b) : packed(b, a); }
@@ -23,14 +23,14 @@ static void tabulate(workspace *work, const tmc_batch *batch, int64_t first_cell
       product(0, 0, end - q, n, n_1, work->m_mq + q, n_q, C_xma + (size_t)x * n_1 * n, n,
               work->B_qra + (size_t)q * step + x * n, step);
   }
-  if (N_ROWS > 2) {
+  if (N_ROWS > N_FIRST_ROWS) {
     const int n_lower = batch->n_lower;
     const size_t block = (size_t)n_lower * n; /* of one derivative; d1 of both components of the gradient, then d2 */
     for (int x = 0; x < 2; ++x)
       differentiate((derivatives){n, n_lower, 0, n, n, 2 * block}, batch, work->scale,
                     work->second + (size_t)x * batch->n_second * n, work->derivative_xma + x * block);
-    for (int r = 2; r < N_ROWS; ++r)
-      product(0, 0, n_q, n, n_lower, work->m_mq, n_q, work->derivative_xma + (r - 2) * block, n,
+    for (int r = N_FIRST_ROWS; r < N_ROWS; ++r)
+      product(0, 0, n_q, n, n_lower, work->m_mq, n_q, work->derivative_xma + (r - N_FIRST_ROWS) * block, n,
               work->B_qra + r * n, step);
   }
 }

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from codegen.integrand import LAYOUT
 from tmc_vem.vem.spaces import monomials
 from tmc_vem.vem.spaces.projector import (
     PolygonGeometry,
@@ -28,7 +29,7 @@ Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
 # d1, d2, then d1 d1, d2 d1, d1 d2, d2 d2: first and second derivatives, first index fastest
-N_ROWS = 6
+N_ROWS, N_FIRST_ROWS = LAYOUT.n_rows, LAYOUT.n_first_rows
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,7 @@ class Gradients:
             raise ValueError("all pieces must have equally many points, one piece after the other")
         m = monomials.values(monomials.degree_of(n_m), xi_sqx).reshape(n_shapes, n_pieces, -1, n_m)
         first = m @ np.moveaxis(self.first_stxma, 2, 3).reshape(n_shapes, n_pieces, n_m, 2 * n_basis)
-        if n_rows == 2:
+        if n_rows == N_FIRST_ROWS:
             return first.reshape(n_shapes, n_points, 2, n_basis)
         result = np.empty((n_shapes, n_points, n_rows, n_basis))
         result[:, :, :2] = first.reshape(n_shapes, n_points, 2, n_basis)
