@@ -22,6 +22,12 @@ def stretch(F, p, m):
 
 
 ONLY_F = Integrand("stretch", (DEFORMATION_GRADIENT,), (Parameter("mu", 2.0),), stretch)
+FLUX = Integrand(
+    "flux",
+    (Input("q", "T", Take.GRADIENT, (1, 2)),),
+    (Parameter("k"),),
+    lambda q, p, m: p.k / 2 * (q[0][0] ** 2 + q[0][1] ** 2),
+)
 
 
 def test_the_order_is_that_of_appendix_c():
@@ -77,6 +83,13 @@ def test_an_integrand_of_f_alone_has_a_smaller_vector():
     np.testing.assert_array_equal(found[1], expected[1][:, :4])
     np.testing.assert_array_equal(found[2], expected[2][:, :4, :4])
     assert not kernel.uses_second_gradient
+
+
+def test_the_gradient_of_another_field():
+    psi_n, g_nx, h_nxy = Kernel(compiled(FLUX), FLUX).points(TANGENT, np.array([[1.0, 2.0]]), np.array([3.0]))
+    assert psi_n.tolist() == [7.5]
+    assert g_nx.tolist() == [[3.0, 6.0]]
+    assert h_nxy.tolist() == [[[3.0, 0.0], [0.0, 3.0]]]
 
 
 def test_messages_and_keys_are_those_of_the_inputs():

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from test_codegen_layout import FLUX, ONLY_F
 
 from codegen.ctext import points_header
 from codegen.errors import CodegenError
@@ -116,6 +117,22 @@ def test_cells_are_the_sums_over_their_points(name, n_cells, n_basis, n_points, 
     np.testing.assert_allclose(found_residual, residual, rtol=0, atol=1e-12 * np.abs(residual).max())
     np.testing.assert_allclose(found_tangent, tangent, rtol=0, atol=1e-12 * np.abs(tangent).max())
     assert found.inadmissible is None
+
+
+def test_an_integrand_of_f_alone_has_the_same_cells():
+    rng = np.random.default_rng(3)
+    batch, _ = random_batch(9, 7, 5, 3, rng)
+    u = rng.normal(scale=0.003, size=(63, 2))
+    whole = second_gradient_energy(lambda F, G, p, m: ONLY_F.function(F, p, m), "stretch", ("mu",))
+    found, expected = (run(compile_cells(integrand), batch, u) for integrand in (ONLY_F, whole))
+    np.testing.assert_array_equal(found[0].energy_c, expected[0].energy_c)
+    np.testing.assert_array_equal(found[1], expected[1])
+    np.testing.assert_array_equal(found[2], expected[2])
+
+
+def test_a_field_that_the_driver_is_not_made_for_is_refused():
+    with pytest.raises(CodegenError, match="failed: the cell driver is for fields of two components in the plane$"):
+        compile_cells(FLUX)
 
 
 @pytest.mark.parametrize("name", ["medium_angle_damped", "medium_huhu_lulu_damped"])

@@ -4,7 +4,7 @@
  * lanes and the products of small matrices that everything else is made of.
  */
 
-_Static_assert(DIMENSION == 2 && N_COMPONENTS == 2 && N_FIRST_ROWS == DIMENSION, "cells are of two components in the plane");
+_Static_assert(DIMENSION == 2 && N_COMPONENTS == 2, "the cell driver is for fields of two components in the plane");
 
 enum { N_F = N_COMPONENTS * N_FIRST_ROWS, N_G = N_X - N_F }; /* first and second derivatives at a point */
 
