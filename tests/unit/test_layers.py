@@ -22,6 +22,7 @@ LAYERS = (
     "tmc_vem.mesh.spread",
     "tmc_vem.system",
     "tmc_vem.vem.spaces",
+    "tmc_vem.vem.kernel",
     "tmc_vem.vem",
     "tmc_vem.fem",
     "tmc_vem.solve",

@@ -21,7 +21,7 @@ COMMANDS = {
     "plot": ("tmc_vem.cli.plot", "plot", "Curves and states of a run as figures."),
     "animate": ("tmc_vem.cli.plot", "animate", "A run as an animated picture."),
     "mesh": ("tmc_vem.cli.mesh", "mesh_group", "Generate, describe, check and draw polygon meshes."),
-    "codegen": ("codegen.cli", "main", "Generate, show and check the kernel of your own energy."),
+    "codegen": ("tmc_vem.cli.codegen", "main", "Generate, show and check the kernel of your own energy."),
     "info": ("tmc_vem.cli.info", "info", "Print versions and what is available on this machine."),
 }
 
