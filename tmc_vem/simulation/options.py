@@ -42,7 +42,7 @@ class RunOptions:
         default="direct",
         metadata=about(
             "Linear solver: direct; reproducible (same bits in every run on as many ranks); iterative; or FILE with "
-            "PETSc options (prefix tmc_)."
+            "PETSc options, such as -tmc_ksp_type."
         ),
     )
     path: tuple[float, ...] = field(
