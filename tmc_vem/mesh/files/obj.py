@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from tmc_vem.mesh.files.record import Group, Reading, Record
-from tmc_vem.mesh.files.text import lines_of, shown
+from tmc_vem.mesh.files.text import lines_of, shown_line
 from tmc_vem.support.errors import InputError
 
 OWN = "# polygon mesh; groups are regions"
@@ -54,7 +54,7 @@ def read(path: Path, reading: Reading) -> Record:
                 kind, mark = rest.split(" ", 1)
                 marks.append((kind, mark))
         except ValueError as error:
-            raise InputError(f"line {n}: '{shown(line)}' is not understood: {error}") from None
+            raise InputError(f"line {n}: '{shown_line(line)}' is not understood: {error}") from None
     if not loops:
         raise InputError("it has no faces")
     found = by_group if has_groups else by_object
