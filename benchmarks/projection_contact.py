@@ -29,7 +29,7 @@ from tmc_vem.results.snapshots import read_fields, snapshots
 from tmc_vem.simulation import RunOptions, run
 from tmc_vem.support.errors import TmcError
 from tmc_vem.system.fields import Fields
-from tmc_vem.vem.spaces.settings import PROJECTIONS, ElementSettings
+from tmc_vem.vem.spaces.element_settings import PROJECTIONS, ElementSettings
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

@@ -33,10 +33,10 @@ from tmc_vem.support.errors import TmcError
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.vem.spaces.composite import CompositeSpace
 from tmc_vem.vem.spaces.element import ElementGroup, build_elements
+from tmc_vem.vem.spaces.element_settings import PROJECTIONS, ElementSettings
 from tmc_vem.vem.spaces.macro import MacroSpace
 from tmc_vem.vem.spaces.quadrature import gauss, sub_triangles
 from tmc_vem.vem.spaces.rules import on_sub_triangles
-from tmc_vem.vem.spaces.settings import PROJECTIONS, ElementSettings
 from tmc_vem.vem.spaces.spaces import FullSpace, Shapes
 from tmc_vem.vem.spaces.stability import elastic_tangent
 from tmc_vem.vem.spaces.tabulated import points_and_values, tabulate

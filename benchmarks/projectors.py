@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from tmc_vem.vem.spaces.candidates import cell_rule
 from tmc_vem.vem.spaces.composite import CompositeSpace
 from tmc_vem.vem.spaces.element import CHUNK
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 from tmc_vem.vem.spaces.quadrature import sub_triangles
-from tmc_vem.vem.spaces.settings import ElementSettings
 from tmc_vem.vem.spaces.spaces import FullSpace, Shapes
 from tmc_vem.vem.spaces.stability import StabilityTest
 from tmc_vem.vem.spaces.tabulated import tabulate

@@ -13,7 +13,7 @@ from harness import report
 
 from tmc_vem.problems import Box, Medium
 from tmc_vem.simulation import RunOptions, run
-from tmc_vem.vem.spaces.settings import RULES, ElementSettings
+from tmc_vem.vem.spaces.element_settings import RULES, ElementSettings
 
 CASES = [  # cells, regulariser, beta, alpha_r, gamma
     ("quadrilaterals", "huhu_lulu", 5.0, 1.0, 1e-5),

@@ -24,7 +24,7 @@ from tmc_vem.solve.budget import Budget
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 from tmc_vem.system.fem_settings import INTERIOR_PENALTIES, FemSettings
-from tmc_vem.vem.spaces.settings import RULES, ElementSettings
+from tmc_vem.vem.spaces.element_settings import RULES, ElementSettings
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from tmc_vem.problems import Problem
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.vem.blocks import RegionKernel
 from tmc_vem.vem.kernel.cells import CellKernel, compile_cells
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 from tmc_vem.vem.spaces.quadrature import on_triangles, sub_triangles
-from tmc_vem.vem.spaces.settings import ElementSettings
 from tmc_vem.vem.spaces.tabulated import points_and_values
 from tmc_vem.vem.system import VemSystem
 

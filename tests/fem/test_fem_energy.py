@@ -45,7 +45,7 @@ def test_same_energy_as_virtual_elements(name: str, triangles: bool, field: Fiel
     from helpers_system import make_system as make_vem
     from helpers_system import region as vem_region
 
-    from tmc_vem.vem.spaces.settings import ElementSettings
+    from tmc_vem.vem.spaces.element_settings import ElementSettings
 
     energy = ENERGIES[name]
     mesh = grid(2, 2, distort=0.2)

@@ -7,7 +7,7 @@ import pytest
 from helpers_fem import FemSettings
 
 from tmc_vem import Box, RunOptions, RunResult, run
-from tmc_vem.vem.spaces.settings import ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 
 @pytest.fixture(scope="module")

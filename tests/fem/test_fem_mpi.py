@@ -32,7 +32,7 @@ u, start = system.create_vector(), system.create_vector()
 assert solver.predict(start, 0.05, u)
 result = solver.solve(u)
 assert result.converged, result.reason
-fields = gather_fields(system, u)
+fields = gather_fields(system, u, ("medium",))
 if comm.rank == 0:
     print(json.dumps({
         "ranks": comm.size, "dofs": system.n_dofs, "energy": evaluation.energy, "cells": fields.polygons.n_cells,

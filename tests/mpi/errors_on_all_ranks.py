@@ -16,7 +16,7 @@ from helpers_system import make_system, region
 
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.system.constraints import Prescribed
-from tmc_vem.vem.spaces.settings import ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 comm = MPI.COMM_WORLD
 SOLID = region("solid", K=20.0, mu=10.0)

@@ -20,7 +20,7 @@ from tmc_vem.problems import Box, Medium
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 from tmc_vem.system.constraints import Prescribed
-from tmc_vem.vem.spaces.settings import ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 comm = MPI.COMM_WORLD
 MEDIUM = region("medium_huhu_lulu_damped", mu=10.0, gamma=0.1, alpha_r=0.3, beta=2.0)

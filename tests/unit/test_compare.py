@@ -208,7 +208,7 @@ def method(name: str, gap: float, uncertainty: float, energy: float, penalty: st
         1, 1.0, -1.0, {"gap": gap, **probes}, -1.0, 3, 0, 0, {"medium": 0.1}, {"medium": energy}, 0, False, 1.0
     )
     inputs = {"method": name.lower(), "interior_penalty": penalty}
-    run = RunResult(inputs, {}, True, "", 1.0, 4, 9, 3, 0, {}, {"total": 1.0}, [record])
+    run = RunResult(inputs, {}, True, "", 1.0, 4, 9, 3, 0, {}, {"total": 1.0}, [record], media=["medium"])
     return Method(name, {"coarse": run}, {"gap": Extrapolation(gap, None, uncertainty)})
 
 
@@ -237,7 +237,7 @@ def test_a_problem_is_drawn_with_its_probes() -> None:
     box = Box(cells=(20, 5))
     probes = {**box.probes(), "top": Displacement("uy", "load"), "held": Reaction("uy", "support_left"),
               "corner": Gap((0.1, 0.1), (0.1, 0.4))}  # fmt: skip
-    figure = draw_problem(box.make_mesh(), box.prescribed(), box.load(), probes)
+    figure = draw_problem(box.make_mesh(), ["medium"], box.prescribed(), box.load(), probes)
     labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
     assert labels[-3:] == ["gap", "top", "corner"]
     (corner,) = (line for line in figure.axes[0].lines if list(line.get_xdata()) == [0.1, 0.1])

@@ -194,11 +194,11 @@ def test_trace_is_three_dimensional():
 
 
 def test_all_of_table_1_with_and_without_damping_and_the_solid():
-    assert set(DENSITIES) == {
+    assert set(DENSITIES) >= {
         "solid",
         *(f"medium_{r}{d}" for r in ("huhu", "huhu_lulu", "angle", "tangent") for d in ("", "_damped")),
     }
-    assert {r: REGULARISERS[r].equation for r in REGULARISERS} == {
+    assert {r.name: r.equation for r in REGULARISERS.values() if r.equation} == {
         "huhu": "(6)", "huhu_lulu": "(9)", "angle": "(15)", "tangent": "(16)",
     }  # fmt: skip
     assert hyperelastic_solid().parameters == ("K", "mu")
@@ -219,7 +219,7 @@ def test_a_regulariser_brings_its_own_parameters():
 
 def test_names_that_do_not_exist_or_clash_are_refused():
     with pytest.raises(
-        InputError, match=r"unknown regulariser 'hu'.*: choose one of huhu, huhu_lulu, angle, tangent; FILE"
+        InputError, match=r"unknown regulariser 'hu'.*: choose one of huhu, huhu_lulu, angle, tangent.*; FILE"
     ):
         get_regulariser("hu")
     clash = Regulariser("mine", densities.huhu, parameters=("beta",))

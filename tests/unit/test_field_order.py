@@ -30,8 +30,8 @@ from tmc_vem.simulation.gauge import Gauge
 from tmc_vem.simulation.overlap import OverlapWatch
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.fields import Polygons
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 from tmc_vem.vem.spaces.quadrature import gauss_lobatto
-from tmc_vem.vem.spaces.settings import ElementSettings
 
 Float = NDArray[np.float64]
 SOLID = region("solid", K=20.0, mu=10.0)
@@ -109,7 +109,7 @@ class TestSystem:
 
     def test_outlines_are_the_curves_that_the_sides_become(self, method: str, name: str, order: int) -> None:
         system, u, displacement, _ = build(method, name, order)
-        fields = gather_fields(system, u)
+        fields = gather_fields(system, u, ("medium",))
         assert fields is not None
         solids = Solids(fields, np.ones(fields.polygons.n_cells, dtype=bool), order, 7)
         sides = solids.chains(np.arange(len(solids.side_nodes)))

@@ -15,7 +15,7 @@ from tmc_vem.mesh.make.voronoi import voronoi_mesh
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.support.errors import InputError
 from tmc_vem.vem.spaces.element import build_elements
-from tmc_vem.vem.spaces.settings import ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 
 def squares(n=4):

@@ -22,7 +22,7 @@ from tmc_vem.problems.base import medium_region
 from tmc_vem.simulation import discretise, run_inputs
 from tmc_vem.simulation.problem_file import read_problem
 from tmc_vem.system.fem_settings import FemSettings
-from tmc_vem.vem.spaces.settings import ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 # -- the command line ------------------------------------------------------------------------------------------------
 

@@ -20,7 +20,7 @@ from tmc_vem.simulation.gauge import Gauge
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
 from tmc_vem.system.places import Places
-from tmc_vem.vem.spaces.settings import ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 SOLID = region("solid", K=20.0, mu=10.0)
 BOX = Box(cells=(20, 5), uy=-0.05, medium=Medium(gamma=1e-4))

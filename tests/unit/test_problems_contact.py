@@ -144,7 +144,7 @@ def on_coarse_box(make_mesh=None, projection="auto", **more):
     """Gap and reaction on 20 x 5 squares, where the gap at one point depends on the mesh (docs/projection.md): results
     with hanging nodes are compared with those without, not with the converged ones."""
     from tmc_vem.simulation import RunOptions, run
-    from tmc_vem.vem.spaces.settings import ElementSettings
+    from tmc_vem.vem.spaces.element_settings import ElementSettings
 
     problem = Box(cells=(20, 5), **more)
     if make_mesh is not None:

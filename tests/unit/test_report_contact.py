@@ -30,6 +30,7 @@ def state(cells, displacement, regions=None, names=("solid", "medium"), order=2)
         np.concatenate(loops),
         np.array(regions or [0] * len(cells)),
         names,
+        ("medium",),
     )
     zero = np.zeros(len(cells))
     return Fields(polygons, displacement(points), zero, zero, zero)

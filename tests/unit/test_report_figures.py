@@ -10,7 +10,7 @@ from matplotlib import colormaps
 from PIL import Image
 
 from tmc_vem.report.canvas import Canvas, ticks
-from tmc_vem.report.figures import ABOVE, BELOW, DPI, LEFT, WIDTH, draw_deformed, outline
+from tmc_vem.report.figures import ABOVE, BELOW, DPI, LEFT, WIDTH, border_lines, draw_deformed
 from tmc_vem.system.fields import Fields, Polygons
 
 VIRIDIS = colormaps["viridis"](np.linspace(0.0, 1.0, 256))[:, :3]
@@ -20,7 +20,9 @@ def squares(n: int, regions: list[int], uy: list[float]) -> Fields:
     """A row of unit squares, each with points of its own (as cells of several ranks) and moved as a whole."""
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     points = np.concatenate([corners + np.array([c, 0]) for c in range(n)])
-    polygons = Polygons(points, 4 * np.arange(n + 1), np.arange(4 * n), np.array(regions), ("solid", "medium", "other"))
+    polygons = Polygons(
+        points, 4 * np.arange(n + 1), np.arange(4 * n), np.array(regions), ("solid", "medium", "other"), ("medium",)
+    )
     displacement = np.column_stack([np.zeros(4 * n), np.repeat(uy, 4)])
     return Fields(polygons, displacement, *np.zeros((3, n)))
 
@@ -66,10 +68,10 @@ def test_sides_of_small_cells_are_left_out(tmp_path: Path) -> None:
 def test_the_outline_leaves_out_sides_between_cells_whatever_their_points_are_called() -> None:
     fields = squares(5, [0, 0, 1, 0, 1], [0.0] * 5)
     polygons = fields.polygons
-    lines = outline(polygons.offsets, polygons.connectivity, polygons.region_c == 0, polygons.points_nx)
+    lines = border_lines(polygons.offsets, polygons.connectivity, polygons.region_c == 0, polygons.points_nx)
     lengths = sorted(np.hypot(*np.diff(line, axis=0).T).sum() for line in lines)
     assert lengths == pytest.approx([4.0, 6.0])
-    assert outline(polygons.offsets, polygons.connectivity, polygons.region_c == 7, polygons.points_nx) == []
+    assert border_lines(polygons.offsets, polygons.connectivity, polygons.region_c == 7, polygons.points_nx) == []
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tmc_vem.report.page import Cell, Page, Section, Table, Text, Warnings, picture
+from tmc_vem.report.page import Entry, Page, Section, Table, Text, Warnings, picture
 from tmc_vem.report.plots import rate
 from tmc_vem.report.tables import flat, number, percent, relative
 from tmc_vem.report.write import to_html, to_markdown, write_page
@@ -27,7 +27,7 @@ def page() -> Page:
     table = Table(
         "Gaps",
         ("a|b", "gap"),
-        [["x", Cell("1", "first", "suspect")], ["y", Cell("2", "second")], ["z", Cell("3", "first", "suspect")]],
+        [["x", Entry("1", "first", "suspect")], ["y", Entry("2", "second")], ["z", Entry("3", "first", "suspect")]],
     )
     blocks = [
         Text("1 < 2 & <script>"),

@@ -12,7 +12,7 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from tmc_vem import Box, Medium, RunOptions, run
+from tmc_vem import Box, Medium, RunOptions, prepare, run
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import read_fields, snapshots
@@ -169,3 +169,33 @@ def test_both_methods_give_the_regulariser_the_same_energy(short_run: RunResult)
     box = Box(cells=(20, 5), uy=-0.02, medium=Medium(gamma=1e-4))
     fem = run(box, options=RunOptions(method="fem"))
     assert fem.checks["regulariser_energy"] == pytest.approx(short_run.checks["regulariser_energy"], rel=0.05)
+
+
+def test_media_of_a_directory_from_before_they_were_written_down(tmp_path: Path) -> None:
+    """Names told then; only where nothing else does."""
+    fine = Medium(gamma=1e-4)
+    run(Box(cells=(20, 5), uy=-0.02, medium=fine), tmp_path / "box", RunOptions(steps=1, snapshots=0))
+    path = tmp_path / "box" / "result.json"
+    data = json.loads(path.read_text())
+    assert data["media"] == ["medium"]
+    for media, expected in ((["solid"], ["solid"]), ([], []), (None, ["medium"])):
+        path.write_text(json.dumps(data | {"media": media}))
+        assert list(RunResult.read(tmp_path / "box").media) == expected
+    del data["media"]
+    path.write_text(json.dumps(data))
+    assert list(RunResult.read(tmp_path / "box").media) == ["medium"]
+
+
+def test_a_run_without_a_result_knows_its_media(tmp_path: Path) -> None:
+    box = Box(cells=(20, 5), uy=-0.02, medium=Medium(gamma=1e-4))
+    simulation = prepare(box, tmp_path / "box", RunOptions(steps=2, snapshots=0))
+
+    def fail(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    simulation.recorder.finish = fail  # type: ignore[method-assign, assignment]
+    with pytest.raises(KeyboardInterrupt):
+        simulation.go()
+    assert not (tmp_path / "box" / "result.json").exists()
+    assert list(RunResult.read(tmp_path / "box").media) == ["medium"]
+    assert json.loads((tmp_path / "box" / "run.json").read_text())["media"] == ["medium"]

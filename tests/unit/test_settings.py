@@ -13,11 +13,11 @@ from click.testing import CliRunner
 
 from tmc_vem import Medium, RunOptions
 from tmc_vem.cli.compare import compare_group
-from tmc_vem.cli.options import DECIDED
+from tmc_vem.cli.field_options import setting, with_options
 from tmc_vem.cli.resume import resume
 from tmc_vem.cli.run import run_group
 from tmc_vem.cli.run_file import problem_command
-from tmc_vem.cli.settings import setting, with_options
+from tmc_vem.cli.shared_options import DECIDED
 from tmc_vem.energy import REGULARISERS
 from tmc_vem.problems.description import MediumTable
 from tmc_vem.support.errors import InputError
@@ -25,7 +25,7 @@ from tmc_vem.support.settings import about, about_of, described, field_of
 from tmc_vem.support.validation import check_fields
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.vem.spaces.candidates import BY_PROJECTION
-from tmc_vem.vem.spaces.settings import PROJECTIONS, ElementSettings
+from tmc_vem.vem.spaces.element_settings import PROJECTIONS, ElementSettings
 
 CLASSES = (RunOptions, ElementSettings, FemSettings, Medium, MediumTable)
 

@@ -24,7 +24,7 @@ from tmc_vem.support.validation import (
     require_within,
 )
 from tmc_vem.system.fem_settings import FemSettings
-from tmc_vem.vem.spaces.settings import ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 TABLES = (Box, CBox, Punch, Bodies, Medium, Material, ElementSettings, FemSettings, RunOptions)
 

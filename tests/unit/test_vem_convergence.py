@@ -11,7 +11,7 @@ from helpers_mesh import hanging, voronoi
 from helpers_system import CLAMPED, errors, interpolate, make_system, rates, region
 
 from tmc_vem.solve.newton import NewtonSolver
-from tmc_vem.vem.spaces.settings import ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 K, MU = sp.Rational(5, 3), sp.Rational(5, 14)
 SOLID = region("solid", K=float(K), mu=float(MU))

@@ -11,9 +11,9 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.vem.spaces.candidates import STABLE, first_candidate
 from tmc_vem.vem.spaces.composite import CompositeSpace
 from tmc_vem.vem.spaces.element import build_elements, congruence_classes
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 from tmc_vem.vem.spaces.quadrature import sub_triangles
 from tmc_vem.vem.spaces.rules import compressed, on_sub_triangles
-from tmc_vem.vem.spaces.settings import ElementSettings
 from tmc_vem.vem.spaces.spaces import FullSpace, Shapes
 from tmc_vem.vem.spaces.stability import StabilityTest, element_tangent, positive_definite, stability_constants
 from tmc_vem.vem.spaces.tabulated import points_and_values, tabulate

@@ -11,7 +11,7 @@ from helpers_system import CLAMPED, errors, free_part, interpolate, make_system,
 from tmc_vem.energy.registry import DENSITIES
 from tmc_vem.mesh.geometry import areas
 from tmc_vem.solve.newton import NewtonSolver
-from tmc_vem.vem.spaces.settings import ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 from tmc_vem.vem.spaces.tabulated import points_and_values
 
 MESHES = {

@@ -9,10 +9,10 @@ from helpers_oracle import powers
 
 from tmc_vem.vem.spaces.candidates import cell_rule
 from tmc_vem.vem.spaces.composite import CompositeSpace
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 from tmc_vem.vem.spaces.macro import MacroSpace
 from tmc_vem.vem.spaces.quadrature import on_triangles, sub_triangles
 from tmc_vem.vem.spaces.rules import compressed, convex, on_sub_triangles
-from tmc_vem.vem.spaces.settings import ElementSettings
 from tmc_vem.vem.spaces.spaces import FullSpace, HarmonicSpace, Shapes
 from tmc_vem.vem.spaces.stability import stability_constants
 from tmc_vem.vem.spaces.tabulated import tabulate

@@ -12,10 +12,10 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.vem.spaces import monomials, triangulation
 from tmc_vem.vem.spaces.composite import CompositeSpace
 from tmc_vem.vem.spaces.element import build_elements
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 from tmc_vem.vem.spaces.macro import MacroSpace
 from tmc_vem.vem.spaces.quadrature import on_triangles, sub_triangles, triangle
 from tmc_vem.vem.spaces.rules import on_sub_triangles
-from tmc_vem.vem.spaces.settings import ElementSettings
 from tmc_vem.vem.spaces.spaces import FullSpace, HarmonicSpace, Shapes, harmonic_fields
 from tmc_vem.vem.spaces.stability import elastic_tangent, stability_constants
 from tmc_vem.vem.spaces.tabulated import tabulate

@@ -13,7 +13,7 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.vem import insertion
 from tmc_vem.vem.pattern import serial_matrix
-from tmc_vem.vem.spaces.settings import ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 from tmc_vem.vem.spaces.tabulated import points_and_values
 
 MEDIUM = {"mu": 10.0, "gamma": 0.1, "alpha_r": 0.3, "beta": 2.0}

@@ -17,7 +17,7 @@ from tmc_vem.mesh.make.outline import Region
 from tmc_vem.mesh.make.triangles import triangle_mesh
 from tmc_vem.results.output import SnapshotWriter
 from tmc_vem.support.errors import InputError
-from tmc_vem.vem.spaces.settings import ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 SLOPE = np.array([[0.3, -0.2], [0.15, 0.4]])
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -40,7 +40,7 @@ def written(mesh: PolygonMesh, path: Path, order: int = 2, *, triangulated: bool
     """A linear displacement as VTK reads it back."""
     system = make_system(mesh, region("solid", K=20.0, mu=10.0), settings=ElementSettings(order=order))
     (path / "fields").mkdir()
-    writer = SnapshotWriter(system, path, (1.0,), triangulated=triangulated, order=order)
+    writer = SnapshotWriter(system, path, (1.0,), ("medium",), triangulated=triangulated, order=order)
     writer.offer(1, 1.0, interpolate(system, linear))
     grid = pyvista.get_reader(path / ("triangulated.pvd" if triangulated else "fields.pvd")).read()[0]
     assert isinstance(grid, pyvista.UnstructuredGrid)

@@ -10,12 +10,12 @@ from typing import Any
 
 import click
 
-from tmc_vem.cli.options import angle_medium_options, chosen_medium, medium_options, penalty_option
-from tmc_vem.cli.settings import Decorator, setting, with_options
+from tmc_vem.cli.field_options import Decorator, setting, with_options
+from tmc_vem.cli.shared_options import angle_medium_options, chosen_medium, medium_options, penalty_option
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.support.errors import InputError, TmcError
 from tmc_vem.system.fem_settings import FemSettings
-from tmc_vem.vem.spaces.settings import ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 FACTORS, QUICK_FACTORS = (1, 2, 4), (1, 2, 3)
 

@@ -221,7 +221,7 @@ def describe(mesh: Any, order: int) -> list[tuple[str, str]]:
 
     from tmc_vem.mesh.quality import measure
     from tmc_vem.vem.spaces.element import build_elements
-    from tmc_vem.vem.spaces.settings import ElementSettings
+    from tmc_vem.vem.spaces.element_settings import ElementSettings
 
     quality = measure(mesh)
     settings = ElementSettings(order=order)

@@ -9,9 +9,9 @@ from typing import Any
 import click
 
 from tmc_vem.cli.execute import RESUME
-from tmc_vem.cli.options import display_options
+from tmc_vem.cli.field_options import with_options
 from tmc_vem.cli.run import run_group
-from tmc_vem.cli.settings import with_options
+from tmc_vem.cli.shared_options import display_options
 from tmc_vem.results.lock import is_held
 from tmc_vem.results.unfinished import COMMAND, how_to_go_on
 from tmc_vem.support.errors import InputError

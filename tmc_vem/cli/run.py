@@ -8,8 +8,14 @@ from typing import Any
 import click
 
 from tmc_vem.cli.execute import execute
-from tmc_vem.cli.options import angle_medium_options, chosen_medium, chosen_options, medium_options, method_options
 from tmc_vem.cli.run_file import RunGroup
+from tmc_vem.cli.shared_options import (
+    angle_medium_options,
+    chosen_medium,
+    chosen_options,
+    medium_options,
+    method_options,
+)
 
 
 @click.group("run", cls=RunGroup)

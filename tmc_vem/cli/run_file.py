@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from tmc_vem.cli.execute import execute
-from tmc_vem.cli.options import DECIDED, file_options
+from tmc_vem.cli.shared_options import DECIDED, file_options
 
 SUFFIX = ".toml"
 

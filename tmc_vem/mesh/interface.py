@@ -129,7 +129,7 @@ def interface(mesh: PolygonMesh, is_medium_c: Bool) -> Interface:
     )
 
 
-def bodies(mesh: PolygonMesh, chosen_c: Bool) -> Int:
+def body_numbers(mesh: PolygonMesh, chosen_c: Bool) -> Int:
     """(n_cells,) number of the body of each chosen cell, -1 for the others; cells that share an edge are one body."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

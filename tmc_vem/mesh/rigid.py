@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.mesh.interface import bodies
+from tmc_vem.mesh.interface import body_numbers
 from tmc_vem.mesh.polygon import PolygonMesh
 
 Float = NDArray[np.float64]
@@ -56,7 +56,7 @@ def free_parts(mesh: PolygonMesh, chosen_c: Bool, held_vi: Bool) -> list[FreePar
         chosen_c: (n_cells,) which cells.
         held_vi: (n_vertices, 2) which components are prescribed at which vertices.
     """
-    body_c = bodies(mesh, chosen_c)
+    body_c = body_numbers(mesh, chosen_c)
     n_bodies = int(body_c.max(initial=-1)) + 1
     body_s = np.repeat(body_c, mesh.n_sides_c)
     used = body_s >= 0

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.mesh.interface import Interface, bodies, free_chains, interface, solid_angles
+from tmc_vem.mesh.interface import Interface, body_numbers, free_chains, interface, solid_angles
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.rigid import without_rounding
 from tmc_vem.problems.base import RegionEnergy
@@ -148,7 +148,7 @@ class _Scene:
     @cached_property
     def body_c(self) -> Int:
         """(n_cells,) body of each solid cell."""
-        return bodies(self.mesh, ~self.is_medium)
+        return body_numbers(self.mesh, ~self.is_medium)
 
     @cached_property
     def body_s(self) -> Int:

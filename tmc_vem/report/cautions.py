@@ -14,7 +14,6 @@ from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import read_fields, snapshots
 from tmc_vem.results.unfinished import RUNNING, how_to_go_on
 from tmc_vem.support.errors import InputError
-from tmc_vem.system.fields import is_medium
 
 
 def listed(findings: Iterable[Finding]) -> Warnings:
@@ -37,8 +36,7 @@ def of_runs(runs: Mapping[str, RunResult]) -> list[Finding]:
     for name, run in runs.items():
         found = [Finding(ERROR, text) for text in run.errors] + [Finding(WARNING, text) for text in run.warnings]
         if run.unfinished:
-            media = [region for region in run.min_j if is_medium(region)]
-            found += findings_of(Evidence(run.inputs, run.history, {}, media, 0.0, complete=False))
+            found += findings_of(Evidence(run.inputs, run.history, {}, run.media, 0.0, complete=False))
         if not run.complete:
             how = how_to_go_on(run.directory) if run.cut_short and run.directory is not None else ""
             text = f"{stopped(run)}; {how}" if how else stopped(run)

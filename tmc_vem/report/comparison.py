@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from tmc_vem.report import cautions, plots, tables
-from tmc_vem.report.page import Block, Cell, Page, Picture, Section, Table, Text, picture
+from tmc_vem.report.page import Block, Entry, Page, Picture, Section, Table, Text, picture
 from tmc_vem.report.panels import draw_panels
 from tmc_vem.report.richardson import Extrapolation
 from tmc_vem.report.tables import full_energy, full_gap, number, percent, relative
@@ -15,7 +15,7 @@ from tmc_vem.results.plausibility import WARNING, Finding
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import nearest, read_fields, snapshots
 from tmc_vem.support.errors import InputError
-from tmc_vem.system.fields import Fields, is_medium
+from tmc_vem.system.fields import Fields
 
 DIFFERENT_MEDIA = 0.1  # relative difference of the medium's energies above which a report warns
 NOT_CONVERGED = 0.02  # relative uncertainty of a mesh-converged value above which a report warns
@@ -137,9 +137,9 @@ def _summary(c: Comparison) -> list[Block]:
     """VEM | FEM | difference | paper."""
     finest = c.finest
     names = list(finest)
-    rows: list[list[str | Cell]] = []
+    rows: list[list[str | Entry]] = []
 
-    def row(label: str, values: Sequence[float | None], paper: str | Cell = "–") -> None:
+    def row(label: str, values: Sequence[float | None], paper: str | Entry = "–") -> None:
         shown = [number(value) for value in values]
         difference = relative(values[0], values[1]) if len(values) == 2 else None
         rows.append([label, *shown, percent(difference), paper])
@@ -153,7 +153,7 @@ def _summary(c: Comparison) -> list[Block]:
             tables.with_unit(probe, finest, probe),
             [run.probes.get(probe) if run.complete else None for run in finest.values()],
         )
-    regions = tables.regions_of(finest)
+    regions = tables.region_names_of(finest)
     row("smallest gap in contact", [run.checks.get("smallest_gap") for run in finest.values()])
     for region in regions:
         row(f"smallest J, {region}", [run.min_j.get(region) for run in finest.values()])
@@ -176,12 +176,12 @@ def _summary(c: Comparison) -> list[Block]:
     return blocks
 
 
-def _paper_cell(value: tuple[float | None, str] | None) -> str | Cell:
+def _paper_cell(value: tuple[float | None, str] | None) -> str | Entry:
     if value is None:
         return "–"
     gap, suspect = value
     text = "does not converge" if gap is None else number(gap)
-    return Cell(text, f"suspect: {suspect}", "suspect") if suspect else text
+    return Entry(text, f"suspect: {suspect}", "suspect") if suspect else text
 
 
 def _convergence(c: Comparison) -> list[Block]:
@@ -280,7 +280,7 @@ def _doubts(c: Comparison) -> list[str]:
 def _medium_doubts(c: Comparison) -> list[str]:
     """A difference between the media of the two methods that no finer mesh removes."""
     media = [
-        sum(energy for name, energy in run.last.energy.items() if is_medium(name, run.media))
+        sum(energy for name, energy in run.last.energy.items() if name in run.media)
         for run in c.finest.values()
         if run.last
     ]

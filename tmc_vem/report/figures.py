@@ -64,7 +64,7 @@ def draw_deformed(fields: Fields, path: Path, title: str = "", *, component: int
         if np.sqrt(scale**2 * extent.prod() / polygons.n_cells) >= FINEST:
             alpha = PALE if members is is_medium else 1.0
             canvas.stroke(polylines(points[_sides(polygons, members)]), width, (edge,) * 3, alpha)
-    for line in outline(polygons.offsets, polygons.connectivity, ~is_medium, points):
+    for line in border_lines(polygons.offsets, polygons.connectivity, ~is_medium, points):
         canvas.stroke(polylines(line[None]), 0.9)
     canvas.stroke(rectangle(box), 0.8)
     canvas.text(box[0] + 0.5 * box[2], box[1] + box[3] + 6.0 * canvas.point, title)
@@ -150,7 +150,7 @@ def _sides(polygons: Polygons, chosen: Bool) -> Int:
     return np.column_stack([once // n, once % n])
 
 
-def outline(offsets: Int, connectivity: Int, chosen: Bool, points: Float) -> list[Float]:
+def border_lines(offsets: Int, connectivity: Int, chosen: Bool, points: Float) -> list[Float]:
     """Polylines of all sides that belong to exactly one of the chosen cells, compared by position (points of ranks are
     doubled). They are joined, as dots would show where single sides meet.
 

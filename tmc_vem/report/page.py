@@ -10,7 +10,7 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Cell:
+class Entry:
     """Entry of a table.
 
     Attributes:
@@ -26,17 +26,17 @@ class Cell:
 
 @dataclass(frozen=True)
 class Table:
-    """Table with a caption; entries are texts or :class:`Cell`."""
+    """Table with a caption; entries are texts or :class:`Entry`."""
 
     caption: str
     head: Sequence[str]
-    rows: Sequence[Sequence[str | Cell]]
+    rows: Sequence[Sequence[str | Entry]]
     kind: str = field(default="table", init=False)
 
     @property
-    def cells(self) -> list[list[Cell]]:
+    def cells(self) -> list[list[Entry]]:
         """Entries, all as cells."""
-        return [[cell if isinstance(cell, Cell) else Cell(cell) for cell in row] for row in self.rows]
+        return [[cell if isinstance(cell, Entry) else Entry(cell) for cell in row] for row in self.rows]
 
     @property
     def notes(self) -> list[str]:
@@ -48,7 +48,7 @@ class Table:
         """Columns with long texts, from 0."""
         return {n for row in self.cells for n, cell in enumerate(row) if cell.style == "long"}
 
-    def number(self, cell: Cell) -> str:
+    def number(self, cell: Entry) -> str:
         """Number of a cell's footnote, or nothing."""
         return str(self.notes.index(cell.note) + 1) if cell.note else ""
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.report.figures import COLOURS, outline
+from tmc_vem.report.figures import COLOURS, border_lines
 from tmc_vem.system.fields import Fields
 
 Float = NDArray[np.float64]
@@ -131,7 +131,7 @@ def draw_state(axes: Any, fields: Fields, quantity: str, scale: Any) -> None:
         axes.add_collection(PolyCollection(loops, linewidths=line, edgecolors=edge, rasterized=True, **style))
     axes.add_collection(
         LineCollection(
-            outline(polygons.offsets, polygons.connectivity, ~is_medium, points),
+            border_lines(polygons.offsets, polygons.connectivity, ~is_medium, points),
             colors="black",
             linewidths=0.7,
             capstyle="round",

@@ -14,7 +14,6 @@ from tmc_vem.report.page import Picture, picture
 from tmc_vem.report.tables import probes_of, with_unit
 from tmc_vem.results.records import StepRecord
 from tmc_vem.results.run_result import RunResult
-from tmc_vem.system.fields import is_medium
 
 # colours and dashes that stay apart in print and for colour-blind readers
 COLOURS = ("#0b5394", "#c55a11", "#2e7d32", "#7b1fa2", "#5d4037", "#00838f")
@@ -100,7 +99,7 @@ def smallest_j(runs: Runs) -> Any:
 
 
 def _least(record: StepRecord, run: RunResult, *, medium: bool) -> float | None:
-    return min((v for name, v in record.min_j.items() if is_medium(name, run.media) == medium), default=None)
+    return min((v for name, v in record.min_j.items() if (name in run.media) == medium), default=None)
 
 
 def energy_split(runs: Runs) -> Any:
@@ -113,7 +112,7 @@ def energy_split(runs: Runs) -> Any:
 
 
 def _energy(record: StepRecord, run: RunResult, *, medium: bool) -> float:
-    return sum(v for name, v in record.energy.items() if is_medium(name, run.media) == medium)
+    return sum(v for name, v in record.energy.items() if (name in run.media) == medium)
 
 
 def newton_iterations(runs: Runs) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.probes import Gap, Place, Probe
-from tmc_vem.report.figures import outline
+from tmc_vem.report.figures import border_lines
 from tmc_vem.report.labels import label
 from tmc_vem.report.panels import WIDE
 from tmc_vem.system.constraints import Prescribed
-from tmc_vem.system.fields import is_medium
 
 SOLIDS = ("#c9d3dc", "#aebccb", "#dcd2c4")
 MEDIUM_COLOUR = "#eaf3fb"
@@ -24,17 +23,21 @@ PROBES = ("#0b5394", "#2e7d32", "#7b1fa2", "#00838f", "#5d4037")
 
 
 def draw_problem(
-    mesh: PolygonMesh, prescribed: Sequence[Prescribed], load: Prescribed, probes: Mapping[str, Probe]
+    mesh: PolygonMesh,
+    media: Collection[str],
+    prescribed: Sequence[Prescribed],
+    load: Prescribed,
+    probes: Mapping[str, Probe],
 ) -> Any:
     """Figure of a problem: supports as squares, or triangles where one component is free, loads as arrows, gaps as
-    lines, and other points that are measured as dots."""
+    lines, and other points that are measured as dots; the regions ``media`` are third medium."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     points = np.asarray(mesh.points_vx)
     extent = np.ptp(points, axis=0)
     figure, (axes,) = _panels(1, extent, width=9.0, height=(1.5, 5.5), margin=0.9)
-    _fill(axes, mesh, edges=False)
+    _fill(axes, mesh, media, edges=False)
     unit = 0.05 * float(extent.max())
     handles = [
         Patch(facecolor=SOLIDS[0], edgecolor="black", label="solid"),
@@ -83,12 +86,12 @@ def _supports(mesh: PolygonMesh, prescribed: Sequence[Prescribed]) -> dict[str, 
     return found
 
 
-def draw_meshes(meshes: Sequence[tuple[str, PolygonMesh]]) -> Any:
-    """Figure with a panel for each mesh."""
+def draw_meshes(meshes: Sequence[tuple[str, PolygonMesh]], media: Collection[str]) -> Any:
+    """Figure with a panel for each mesh, whose regions ``media`` are third medium."""
     extent = np.ptp(np.asarray(meshes[0][1].points_vx), axis=0)
     figure, panels = _panels(len(meshes), extent, width=10.0, height=(0.8, 4.0), margin=0.3)
     for axes, (title, mesh) in zip(panels, meshes, strict=True):
-        _fill(axes, mesh, edges=True)
+        _fill(axes, mesh, media, edges=True)
         axes.autoscale_view()
         axes.set_title(label(title), fontsize=9)
     return figure
@@ -110,15 +113,14 @@ def _panels(n: int, extent: NDArray[np.float64], width: float, height: tuple[flo
     return figure, panels[:n]
 
 
-def _fill(axes: Any, mesh: PolygonMesh, *, edges: bool) -> None:
+def _fill(axes: Any, mesh: PolygonMesh, media: Collection[str], *, edges: bool) -> None:
     from matplotlib.collections import LineCollection, PolyCollection
 
     points = np.asarray(mesh.points_vx)
     cells = [np.asarray(cell) for cell in mesh.cells()]
-    solids = [name for name in mesh.region_names if not is_medium(name)]
+    solids = [name for name in mesh.region_names if name not in media]
     for number, name in enumerate(mesh.region_names):
-        medium = is_medium(name)
-        colour = MEDIUM_COLOUR if medium else SOLIDS[solids.index(name) % len(SOLIDS)]
+        colour = MEDIUM_COLOUR if name in media else SOLIDS[solids.index(name) % len(SOLIDS)]
         chosen = np.flatnonzero(np.asarray(mesh.region_c) == number)
         collection = PolyCollection(
             [points[cells[c]] for c in chosen],
@@ -128,8 +130,8 @@ def _fill(axes: Any, mesh: PolygonMesh, *, edges: bool) -> None:
             rasterized=True,
         )
         axes.add_collection(collection)
-    inside = np.array([not is_medium(name) for name in mesh.region_names])[np.asarray(mesh.region_c)]
-    lines = outline(np.asarray(mesh.cell_offsets), np.asarray(mesh.cell_vertices), inside, points)
+    inside = np.array([name not in media for name in mesh.region_names])[np.asarray(mesh.region_c)]
+    lines = border_lines(np.asarray(mesh.cell_offsets), np.asarray(mesh.cell_vertices), inside, points)
     axes.add_collection(LineCollection(lines, colors="black", linewidths=0.9, capstyle="round"))
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tmc_vem.problems.probes import GAP
-from tmc_vem.report.page import Cell, Table
+from tmc_vem.report.page import Entry, Table
 from tmc_vem.results.energy_balance import energy_balance
 from tmc_vem.results.plausibility import differing_parameters
 from tmc_vem.results.run_result import RunResult
@@ -83,12 +83,12 @@ def full_energy(result: RunResult | None) -> float | None:
 
 def effort(runs: Runs) -> Table:
     """Size, steps, iterations and times of runs."""
-    rows: list[list[str | Cell]] = [
+    rows: list[list[str | Entry]] = [
         [
             name,
             count(run.n_cells),
             count(run.n_dofs),
-            Cell(reached(run), style="" if run.complete else "bad"),
+            Entry(reached(run), style="" if run.complete else "bad"),
             str(run.steps),
             str(run.newton_iterations),
             str(run.cut_backs),
@@ -107,7 +107,7 @@ def effort(runs: Runs) -> Table:
 
 def final_state(runs: Runs) -> Table:
     """Gap, reaction, smallest J and energies at the last converged step."""
-    regions = regions_of(runs)
+    regions = region_names_of(runs)
     head = [
         "run",
         *(with_unit(name, runs, name) for name in ("gap", "reaction")),
@@ -134,7 +134,7 @@ def final_state(runs: Runs) -> Table:
 def measured(runs: Runs) -> list[Table]:
     """A table with the probes at the last converged step, if there are others than the gap."""
     names = probes_of(runs)
-    rows: list[list[str | Cell]] = [
+    rows: list[list[str | Entry]] = [
         [with_unit(name, runs, name), *(number(run.probes.get(name)) for run in runs.values())] for name in names
     ]
     return [Table("Probes at the last converged step.", ("probe", *runs), rows)] if rows else []
@@ -143,7 +143,7 @@ def measured(runs: Runs) -> list[Table]:
 def energy_in_jumps(runs: Runs) -> list[Table]:
     """A table with what each jump to another branch lost, if there were any."""
     balances = {name: energy_balance(run.history) for name, run in runs.items()}
-    rows: list[list[str | Cell]] = [
+    rows: list[list[str | Entry]] = [
         [name, str(jump.step), number(jump.load), number(jump.lost, 3), number(jump.uncertainty, 2)]
         for name, balance in balances.items()
         if balance
@@ -154,7 +154,7 @@ def energy_in_jumps(runs: Runs) -> list[Table]:
     return [Table(title, head, rows)] if rows else []
 
 
-def regions_of(runs: Runs) -> list[str]:
+def region_names_of(runs: Runs) -> list[str]:
     """Names of all regions of some runs."""
     return list(dict.fromkeys(name for run in runs.values() for name in run.min_j))
 
@@ -175,10 +175,10 @@ def provenance(runs: Runs, command: str) -> list[Table]:
     is needed to repeat it."""
     names, values = differing(runs)
     shared = common([run.inputs for run in runs.values()])
-    rows: list[list[str | Cell]] = [
+    rows: list[list[str | Entry]] = [
         [
             label,
-            Cell(", ".join(f"{n} {v}" for n, v in zip(names, values[label], strict=True) if v != "–"), style="long"),
+            Entry(", ".join(f"{n} {v}" for n, v in zip(names, values[label], strict=True) if v != "–"), style="long"),
             f"{run.seconds['total']:.1f}",
             run.directory.name if run.directory else "–",
         ]

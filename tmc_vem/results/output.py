@@ -55,9 +55,9 @@ class FieldSource(Protocol):
         """(n_cells,) mean and smallest J."""
 
 
-def polygons_of(source: FieldSource, media: Sequence[str] | None) -> Polygons:
-    """This rank's cells, of which those in ``media`` are third medium; None leaves it to the names."""
-    return replace(source.output_polygons(), media=None if media is None else tuple(media))
+def polygons_of(source: FieldSource, media: Sequence[str]) -> Polygons:
+    """This rank's cells, of which those in the regions ``media`` are third medium."""
+    return replace(source.output_polygons(), media=tuple(media))
 
 
 def fields_of(source: FieldSource, u: Any, polygons: Polygons) -> Fields:
@@ -72,8 +72,8 @@ def fields_of(source: FieldSource, u: Any, polygons: Polygons) -> Fields:
     )
 
 
-def gather_fields(source: FieldSource, u: Any, media: Sequence[str] | None = None) -> Fields | None:
-    """Fields of all cells on rank 0, None elsewhere."""
+def gather_fields(source: FieldSource, u: Any, media: Sequence[str]) -> Fields | None:
+    """Fields of all cells on rank 0, None elsewhere; those in the regions ``media`` are third medium."""
     mine = fields_of(source, u, polygons_of(source, media))
     parts = [mine] if source.comm.size == 1 else source.comm.gather(mine)
     return Fields.merge(parts) if parts else None
@@ -86,15 +86,15 @@ class SnapshotWriter:
         source: the discretisation.
         directory: run directory.
         loads: coordinates along the load path; the first converged step at or past each is written.
-        units: of the problem.
         media: names of the regions of third medium.
+        units: of the problem.
         triangulated: write each of these steps once more, cut into triangles in which VTK interpolates exactly.
         order: of the elements.
     """
 
     def __init__(
-        self, source: FieldSource, directory: Path, loads: tuple[float, ...], units: Units | None = None,
-        media: Sequence[str] | None = None, *, triangulated: bool = False, order: int = 2,
+        self, source: FieldSource, directory: Path, loads: tuple[float, ...], media: Sequence[str],
+        units: Units | None = None, *, triangulated: bool = False, order: int = 2,
     ) -> None:  # fmt: skip
         self.source = source
         self.directory = directory

@@ -150,8 +150,8 @@ class Written(Protocol):
         """Of the columns of the history."""
 
     @property
-    def media(self) -> Sequence[str] | None:
-        """Names of the regions that are third medium, or None in old runs."""
+    def media(self) -> Sequence[str]:
+        """Names of the regions that are third medium."""
 
     @property
     def min_j(self) -> Mapping[str, float]:

@@ -35,7 +35,7 @@ class RunResult:
             :mod:`tmc_vem.results.plausibility`. Run directories from before they were told apart have warnings only.
         parallel: ranks, linear solver, imbalance and peak memory, see :func:`tmc_vem.simulation.balance.balance`.
         seconds: wall time by phase.
-        media: names of the regions that are third medium; None in old runs, where they begin with ``medium``.
+        media: names of the regions that are third medium.
         history: the load steps.
         directory: where the run was written, or None.
         cut_short: a limit on work has ended the run, so that it can be resumed.
@@ -63,7 +63,7 @@ class RunResult:
     units: Mapping[str, str] = field(default_factory=dict)
     cut_short: bool = False
     unfinished: str = ""
-    media: Sequence[str] | None = None
+    media: Sequence[str] = ()
 
     @property
     def state(self) -> str:
@@ -140,7 +140,7 @@ class RunResult:
             "min_j": dict(self.min_j),
             "energy": dict(last.energy) if last else {},
             "units": dict(self.units),
-            "media": None if self.media is None else list(self.media),
+            "media": list(self.media),
             "n_cells": self.n_cells,
             "n_dofs": self.n_dofs,
             "steps": self.steps,
@@ -180,6 +180,8 @@ class RunResult:
                 data |= _totals(history)
             names = ("inputs", "versions", "complete", "reason", "load", "n_cells", "n_dofs", "newton_iterations",
                      "cut_backs", "projection_degrees", "seconds")  # fmt: skip
+            if data.get("media") is None:
+                data["media"] = _media_by_name(history)
             # not in the first runs
             optional = ("checks", "parallel", "errors", "warnings", "units", "cut_short", "unfinished", "media")
             later = {name: data[name] for name in optional if name in data}
@@ -205,6 +207,11 @@ def _result_of(path: Path) -> tuple[dict[str, Any], bool]:
     data = json.loads(text)
     _check_schema(path, data)
     return data, True
+
+
+def _media_by_name(history: Sequence[StepRecord]) -> list[str]:
+    """The media of a run directory from before they were written down: then names of regions told, nothing else."""
+    return [name for name in history[-1].min_j if name.startswith("medium")] if history else []
 
 
 def _history(path: Path, columns: Mapping[str, str], *, whole: bool) -> list[StepRecord]:
@@ -244,12 +251,11 @@ def _check_types(data: Mapping[str, Any]) -> None:
     """
     kinds: dict[str, type | tuple[type, ...]] = {
         **dict.fromkeys(("inputs", "versions", "projection_degrees", "seconds", "checks", "parallel", "units"), dict),
-        **dict.fromkeys(("errors", "warnings"), list),
+        **dict.fromkeys(("errors", "warnings", "media"), list),
         **dict.fromkeys(("complete", "cut_short"), bool),
         **dict.fromkeys(("reason", "unfinished"), str),
         **dict.fromkeys(("n_cells", "n_dofs", "newton_iterations", "cut_backs"), int),
         "load": (int, float),
-        "media": (list, type(None)),
     }
     for name, value in data.items():
         if not isinstance(value, kinds[name]):

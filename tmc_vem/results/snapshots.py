@@ -85,11 +85,11 @@ def read_fields(result: Written, snapshot: Snapshot) -> Fields:
     Raises:
         InputError: a file is missing or not readable.
     """
-    names, media = tuple(result.min_j), None if result.media is None else tuple(result.media)
+    names, media = tuple(result.min_j), tuple(result.media)
     return Fields.merge([_read(path, names, media) for path in snapshot.files])
 
 
-def _read(path: Path, region_names: tuple[str, ...], media: tuple[str, ...] | None) -> Fields:
+def _read(path: Path, region_names: tuple[str, ...], media: tuple[str, ...]) -> Fields:
     import meshio
 
     try:
@@ -98,7 +98,7 @@ def _read(path: Path, region_names: tuple[str, ...], media: tuple[str, ...] | No
         raise InputError(f"{path} is not readable: {error or type(error).__name__}") from None
 
 
-def _fields(mesh: Any, region_names: tuple[str, ...], media: tuple[str, ...] | None) -> Fields:
+def _fields(mesh: Any, region_names: tuple[str, ...], media: tuple[str, ...]) -> Fields:
     """The fields of a file.
 
     Raises:

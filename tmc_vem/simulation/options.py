@@ -9,7 +9,7 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.support.settings import about, described
 from tmc_vem.support.validation import check_fields, require_finite, require_known, require_positive
 from tmc_vem.system.fem_settings import FemSettings
-from tmc_vem.vem.spaces.settings import ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 METHODS = ("vem", "fem")
 CONTINUED = ("gamma", "alpha_r")

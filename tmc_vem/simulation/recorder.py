@@ -77,7 +77,7 @@ class Recorder:
         self._snapshots: SnapshotWriter | None = None
         if directory is not None and times:
             self._snapshots = SnapshotWriter(
-                system, directory.path, tuple(times), problem.units(), media_of(problem), triangulated=triangulated,
+                system, directory.path, tuple(times), media_of(problem), problem.units(), triangulated=triangulated,
                 order=self._order,
             )  # fmt: skip
 
@@ -172,6 +172,7 @@ class Recorder:
                 "n_cells": self.system.n_cells_global,
                 "n_dofs": self.system.n_dofs,
                 "projection_degrees": {str(space): n for space, n in self.system.projection_degrees().items()},
+                "media": tuple(media_of(self.problem)),
             }
         if self.directory is not None:
             directory, units = self.directory, self._units()
@@ -233,7 +234,6 @@ class Recorder:
             directory=None if self.directory is None else self.directory.path,
             units=self._units(history[-1]) if history else {},
             cut_short=cut_short and not outcome.complete,
-            media=tuple(media),
         )
         if self.directory is not None:
             directory = self.directory

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,11 +16,6 @@ Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
 
-def is_medium(region: str, media: Collection[str] | None = None) -> bool:
-    """Whether a region is one of the media; without these, as in runs of earlier versions, its name says it."""
-    return region.startswith("medium") if media is None else region in media
-
-
 @dataclass(frozen=True)
 class Polygons:
     """Cells as polygons through all nodes of their boundary, vertices and points on the sides, in order.
@@ -31,7 +26,7 @@ class Polygons:
         connectivity: points of all polygons, counter-clockwise.
         region_c: (n_cells,) region of each cell.
         region_names: names of the regions.
-        media: names of those that are third medium; None if only the names tell.
+        media: names of those that are third medium.
     """
 
     points_nx: Float
@@ -39,7 +34,7 @@ class Polygons:
     connectivity: Int
     region_c: Int
     region_names: tuple[str, ...]
-    media: tuple[str, ...] | None = None
+    media: tuple[str, ...] = ()
 
     @property
     def n_cells(self) -> int:
@@ -49,7 +44,7 @@ class Polygons:
     @property
     def is_solid_c(self) -> NDArray[np.bool_]:
         """(n_cells,) which cells are not of third medium."""
-        solid = np.array([not is_medium(name, self.media) for name in self.region_names], dtype=bool)
+        solid = np.array([name not in self.media for name in self.region_names], dtype=bool)
         of_cells: NDArray[np.bool_] = solid[self.region_c]
         return of_cells
 

@@ -31,8 +31,8 @@ from tmc_vem.vem.kernel.cells import CellValues
 from tmc_vem.vem.pattern import serial_matrix
 from tmc_vem.vem.point_weights import locate
 from tmc_vem.vem.spaces.element import element_groups
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 from tmc_vem.vem.spaces.quadrature import gauss_lobatto
-from tmc_vem.vem.spaces.settings import ElementSettings
 from tmc_vem.vem.spaces.tabulated import points_and_values
 
 Float = NDArray[np.float64]

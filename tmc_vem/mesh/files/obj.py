@@ -13,7 +13,7 @@ import numpy as np
 
 from tmc_vem.mesh.files.cell_data import unquoted
 from tmc_vem.mesh.files.record import Group, Reading, Record
-from tmc_vem.mesh.files.text import lines_of, shown
+from tmc_vem.mesh.files.text import lines_of, shown_line
 from tmc_vem.support.errors import InputError
 
 OWN = "# polygon mesh; groups are regions"
@@ -61,7 +61,7 @@ def read(path: Path, reading: Reading) -> Record:
             elif line == f"{OWN}; {QUOTED}":
                 plain_name = unquoted
         except ValueError as error:
-            raise InputError(f"line {n}: '{shown(line)}' is not understood: {error}") from None
+            raise InputError(f"line {n}: '{shown_line(line)}' is not understood: {error}") from None
     if not loops:
         raise InputError("it has no faces")
     found = by_group if has_groups else by_object

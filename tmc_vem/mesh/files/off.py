@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from tmc_vem.mesh.files.record import Reading, Record
-from tmc_vem.mesh.files.text import lines_of, shown
+from tmc_vem.mesh.files.text import lines_of, shown_line
 from tmc_vem.support.errors import InputError
 
 HEAD = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF( BINARY)?$")
@@ -58,5 +58,5 @@ def read(path: Path, reading: Reading) -> Record:
                 raise ValueError(f"a face of {size} needs as many vertices")
             loops.append(np.array([int(corner) for corner in corners[: int(size)]], dtype=np.int64))
     except (ValueError, OverflowError) as error:
-        raise InputError(f"line {n}: '{shown(line)}' is not understood: {error}") from None
+        raise InputError(f"line {n}: '{shown_line(line)}' is not understood: {error}") from None
     return Record(np.array(points, dtype=float).reshape(-1, 3), loops)

@@ -33,6 +33,6 @@ def lines_of(path: Path, continued: str = "") -> Iterator[tuple[int, str]]:
         yield first, before.strip()
 
 
-def shown(line: str) -> str:
+def shown_line(line: str) -> str:
     """A line as messages show it."""
     return line if len(line) <= 60 else f"{line[:57]}..."

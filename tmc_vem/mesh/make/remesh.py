@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tmc_vem.mesh.cell_count import TRIANGLES, check_cells
 from tmc_vem.mesh.geometry import areas
 from tmc_vem.mesh.make.far import moved, origin_for
-from tmc_vem.mesh.make.traced import Outline, trace_outline
+from tmc_vem.mesh.make.traced import TracedOutline, trace_outline
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.errors import InputError
 
@@ -59,7 +59,7 @@ def gmsh_triangles(mesh: PolygonMesh, size: float) -> PolygonMesh:
         gmsh.finalize()
 
 
-def _draw(model: Any, mesh: PolygonMesh, outline: Outline, size: float) -> None:
+def _draw(model: Any, mesh: PolygonMesh, outline: TracedOutline, size: float) -> None:
     """Points, lines and surfaces; point tags are vertices + 1, line tags runs + 1, surface tags count the faces."""
     geo = model.geo
     inner = set(mesh.named_points.values()) - outline.corners
@@ -82,7 +82,7 @@ def _draw(model: Any, mesh: PolygonMesh, outline: Outline, size: float) -> None:
             model.mesh.embed(0, [vertex + 1], 2, surface)
 
 
-def _read(model: Any, mesh: PolygonMesh, outline: Outline) -> PolygonMesh:
+def _read(model: Any, mesh: PolygonMesh, outline: TracedOutline) -> PolygonMesh:
     tags, coordinates, _ = model.mesh.getNodes()
     number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
     number[tags] = np.arange(len(tags))

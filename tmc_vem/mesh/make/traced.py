@@ -34,7 +34,7 @@ class Face:
 
 
 @dataclass(frozen=True)
-class Outline:
+class TracedOutline:
     """Edges that border two regions or the outside, joined to straight runs.
 
     Attributes:
@@ -60,7 +60,7 @@ class _Borders:
     at: dict[int, list[int]]
 
 
-def trace_outline(mesh: PolygonMesh) -> Outline:
+def trace_outline(mesh: PolygonMesh) -> TracedOutline:
     """Outlines of the regions; named points on them, corners, junctions and changes of name end a run.
 
     Raises:
@@ -90,7 +90,7 @@ def trace_outline(mesh: PolygonMesh) -> Outline:
     faces: list[Face] = []
     for region in range(len(mesh.region_names)):
         faces += _faces(region, _loops(region, borders, points), run_of, points)
-    return Outline(runs, names, corners, faces)
+    return TracedOutline(runs, names, corners, faces)
 
 
 def _borders(mesh: PolygonMesh) -> _Borders:

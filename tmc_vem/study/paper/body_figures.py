@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from tmc_vem.problems import Bodies, CBox, Punch
-from tmc_vem.problems.base import Problem
+from tmc_vem.problems.base import Problem, media_of
 from tmc_vem.problems.cbox import angle_medium
 from tmc_vem.report import cautions, plots
 from tmc_vem.report.page import Block, Section, Table, Text, picture
@@ -85,11 +85,12 @@ class StateFigure:
     def _problem(self, problems: Mapping[str, Problem]) -> list[Block]:
         meshes = {label: problem.make_mesh() for label, problem in problems.items()}
         label, problem = next(iter(problems.items()))
-        figure = draw_problem(meshes[label], problem.prescribed(), problem.load(), problem.probes())
+        media = media_of(problem)
+        figure = draw_problem(meshes[label], media, problem.prescribed(), problem.load(), problem.probes())
         named = [(f"{label}: {mesh.n_cells} cells", mesh) for label, mesh in meshes.items()]
         return [
             picture(figure, f"fig{self.number}-problem", "The problem with its supports, load and gap."),
-            picture(draw_meshes(named), f"fig{self.number}-mesh", "Undeformed mesh.", inline="png"),
+            picture(draw_meshes(named, media), f"fig{self.number}-mesh", "Undeformed mesh.", inline="png"),
         ]
 
     def target(self) -> Target:

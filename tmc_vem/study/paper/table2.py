@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from tmc_vem.problems import Medium
-from tmc_vem.report.page import Block, Cell, Section, Table, Text
+from tmc_vem.report.page import Block, Entry, Section, Table, Text
 from tmc_vem.report.richardson import Extrapolation
 from tmc_vem.report.tables import effort, full_gap, number, relative
 from tmc_vem.results.run_result import RunResult
@@ -68,9 +68,9 @@ def limit(results: Results, medium: Medium, quick: bool) -> Extrapolation | None
 
 def sections(results: Results, quick: bool) -> list[Section]:
     """Paper, ours, ratio and converged value."""
-    fem_rows: list[list[str | Cell]] = []
-    vem_rows: list[list[list[str | Cell]]] = [[] for _ in DENSITIES]
-    mesh_rows: list[list[str | Cell]] = []
+    fem_rows: list[list[str | Entry]] = []
+    vem_rows: list[list[list[str | Entry]]] = [[] for _ in DENSITIES]
+    mesh_rows: list[list[str | Entry]] = []
     differences: dict[str, list[float | None]] = {"paper": [], "fem": [], "vem": []}
     complete = 0
     for pair, cells in table2().items():
@@ -148,7 +148,7 @@ def mesh_note(quick: bool) -> str:
     )
 
 
-def _vem_tables(rows: Sequence[list[list[str | Cell]]], quick: bool) -> list[Table]:
+def _vem_tables(rows: Sequence[list[list[str | Entry]]], quick: bool) -> list[Table]:
     return [
         Table(
             f"Gap at u_y = -1: the paper's mesh {n + 1}, and ours with the medium's cells divided by {density}.",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from tmc_vem.problems import Medium
-from tmc_vem.report.page import Block, Cell, Section, Table, Text
+from tmc_vem.report.page import Block, Entry, Section, Table, Text
 from tmc_vem.report.tables import full_gap
 from tmc_vem.study.batch import Job
 from tmc_vem.study.paper.cells import mesh_name, ours, printed, ratio
@@ -39,7 +39,7 @@ def sections(results: Results, quick: bool) -> list[Section]:
     for beta, what in ((0.0, "without damping"), (5.0, "damped by exp(-5 J)")):
         rows = []
         for name, cells in table3().items():
-            row: list[str | Cell] = [REGULARISERS[name]]
+            row: list[str | Entry] = [REGULARISERS[name]]
             for n, mesh in enumerate(meshes):
                 run = results.get(box_job("vem", mesh, _medium(name, beta)).name)
                 column = cells[f"vem_mesh{n + 1}"]

@@ -12,7 +12,7 @@ COLUMNS = ("vem_mesh1", "vem_mesh2", "vem_mesh3", "fem_fine")
 
 
 @dataclass(frozen=True)
-class Cell:
+class Printed:
     """A printed value.
 
     Attributes:
@@ -39,12 +39,12 @@ def _reasons() -> dict[tuple[str, str, str], str]:
     return {(row["table"], row["row"], row["column"]): row["reason"] for row in _rows("suspect.csv")}
 
 
-def _cell(table: str, row: str, column: str, text: str) -> Cell:
-    return Cell(float(text) if text else None, _reasons().get((table, row, column), ""))
+def _cell(table: str, row: str, column: str, text: str) -> Printed:
+    return Printed(float(text) if text else None, _reasons().get((table, row, column), ""))
 
 
 @cache
-def table2() -> dict[tuple[float, float], dict[str, Cell]]:
+def table2() -> dict[tuple[float, float], dict[str, Printed]]:
     """Gap of the box at u_y = -1 by (alpha_r, gamma) and column: three VEM meshes and fine FEM; regulariser (9) damped
     by exp(-5 J)."""
     return {
@@ -56,7 +56,7 @@ def table2() -> dict[tuple[float, float], dict[str, Cell]]:
 
 
 @cache
-def table3() -> dict[str, dict[str, Cell]]:
+def table3() -> dict[str, dict[str, Printed]]:
     """Gap of the box at u_y = -1 by regulariser and column, three VEM meshes; alpha_r = 10, gamma = 1e-6."""
     return {
         row["regulariser"]: {column: _cell("table3", row["regulariser"], column, row[column]) for column in COLUMNS[:3]}

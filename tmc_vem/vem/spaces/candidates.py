@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.vem.spaces.composite import CompositeSpace
+from tmc_vem.vem.spaces.element_settings import LARGEST_DEGREE, ElementSettings
 from tmc_vem.vem.spaces.macro import MacroSpace
 from tmc_vem.vem.spaces.rules import CellRule, compressed, on_sub_triangles, simple
-from tmc_vem.vem.spaces.settings import LARGEST_DEGREE, ElementSettings
 from tmc_vem.vem.spaces.spaces import FullSpace, HarmonicSpace, ProjectionSpace
 from tmc_vem.vem.spaces.stability import SPURIOUS
 

@@ -23,9 +23,9 @@ from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.notes import say
 from tmc_vem.vem.spaces.candidates import candidates, cell_rule
+from tmc_vem.vem.spaces.element_settings import LARGEST_DEGREE, ElementSettings
 from tmc_vem.vem.spaces.quadrature import star_shaped, sub_triangles
 from tmc_vem.vem.spaces.rules import convex
-from tmc_vem.vem.spaces.settings import LARGEST_DEGREE, ElementSettings
 from tmc_vem.vem.spaces.spaces import ProjectionSpace, Shapes
 from tmc_vem.vem.spaces.stability import StabilityTest, spurious_modes, stability_constants
 from tmc_vem.vem.spaces.tabulated import Tables, tabulate

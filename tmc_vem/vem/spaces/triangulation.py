@@ -45,7 +45,7 @@ def sides_of(corners_tp: Int) -> dict[tuple[int, int], list[tuple[int, int]]]:
 
 
 @cache
-def exponents(degree: int) -> Int:
+def barycentric_exponents(degree: int) -> Int:
     """(n, 3) exponents of the barycentric coordinates."""
     table = [(i, j, degree - i - j) for i in range(degree, -1, -1) for j in range(degree - i, -1, -1)]
     return np.array(table, dtype=np.int64)
@@ -53,13 +53,13 @@ def exponents(degree: int) -> Int:
 
 def lattice(degree: int) -> Float:
     """Points (dim P_degree, 3), in barycentric coordinates, that determine a polynomial; inside the triangle."""
-    interior: Float = (exponents(degree) + 1.0 / 3.0) / (degree + 1.0)
+    interior: Float = (barycentric_exponents(degree) + 1.0 / 3.0) / (degree + 1.0)
     return interior
 
 
 def bernstein(degree: int, barycentric_qp: Float) -> Float:
     """Bernstein polynomials (n_points, n)."""
-    powers = exponents(degree)
+    powers = barycentric_exponents(degree)
     factor = np.array([factorial(degree) / np.prod([factorial(a) for a in row]) for row in powers.tolist()])
     values: Float = factor * np.prod(barycentric_qp[:, None] ** powers, axis=2)
     return values
@@ -67,10 +67,10 @@ def bernstein(degree: int, barycentric_qp: Float) -> Float:
 
 def bernstein_gradients(degree: int, barycentric_qp: Float) -> Float:
     """Derivatives (n_points, n, 3) with respect to the barycentric coordinates."""
-    lower = {tuple(row): n for n, row in enumerate(exponents(degree - 1).tolist())}
+    lower = {tuple(row): n for n, row in enumerate(barycentric_exponents(degree - 1).tolist())}
     values = bernstein(degree - 1, barycentric_qp)
-    result = np.zeros((len(barycentric_qp), len(exponents(degree)), 3))
-    for n, row in enumerate(exponents(degree).tolist()):
+    result = np.zeros((len(barycentric_qp), len(barycentric_exponents(degree)), 3))
+    for n, row in enumerate(barycentric_exponents(degree).tolist()):
         for p in range(3):
             if row[p]:
                 below = tuple(a - (i == p) for i, a in enumerate(row))
@@ -88,9 +88,9 @@ def coefficient_numbers(corners_tp: Int, n_sides: int, degree: int) -> tuple[Int
         for m in range(1, degree):
             numbers[_on_side(s, (s + 1) % n_sides, degree - m, m)] = n_sides + s * (degree - 1) + m - 1
     free = n_sides * degree
-    table = np.empty((len(corners_tp), len(exponents(degree))), dtype=np.int64)
+    table = np.empty((len(corners_tp), len(barycentric_exponents(degree))), dtype=np.int64)
     for t, corners in enumerate(corners_tp.tolist()):
-        for n, powers in enumerate(exponents(degree).tolist()):
+        for n, powers in enumerate(barycentric_exponents(degree).tolist()):
             ends = [p for p in range(3) if powers[p]]
             if len(ends) == 1:
                 key: tuple[int, ...] = (corners[ends[0]],)
@@ -114,7 +114,7 @@ def boundary_coefficients(n_sides: int, degree: int, k: int) -> Float:
     that have given values at vertices and Gauss-Lobatto points."""
     points = np.linspace(0.0, 1.0, degree + 1)
     along = bernstein(degree, np.stack([1.0 - points, points, np.zeros_like(points)], axis=1))
-    on_side = [n for n, powers in enumerate(exponents(degree).tolist()) if powers[2] == 0]
+    on_side = [n for n, powers in enumerate(barycentric_exponents(degree).tolist()) if powers[2] == 0]
     from_values = np.linalg.solve(along[:, on_side], edge_basis(k, points))
     result = np.zeros((n_sides * degree, n_sides * k))
     result[:n_sides, :n_sides] = np.eye(n_sides)

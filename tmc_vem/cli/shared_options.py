@@ -7,12 +7,12 @@ from typing import Any
 
 import click
 
-from tmc_vem.cli.settings import Decorator, setting, with_options
+from tmc_vem.cli.field_options import Decorator, setting, with_options
 from tmc_vem.problems.materials import Medium
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.fem_settings import FemSettings
-from tmc_vem.vem.spaces.settings import ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 
 def medium_options(
