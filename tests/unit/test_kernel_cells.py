@@ -131,7 +131,7 @@ def test_an_integrand_of_f_alone_has_the_same_cells():
 
 
 def test_a_field_that_the_driver_is_not_made_for_is_refused():
-    with pytest.raises(CodegenError, match="failed: the cell driver is for fields of two components in the plane$"):
+    with pytest.raises(CodegenError, match=r"failed: the cell driver is for fields of two components in the plane$"):
         compile_cells(FLUX)
 
 
