@@ -19,7 +19,8 @@ from codegen import centre
 from codegen.centre import F11, F12, F21, F22, J_MINUS_1, SHIFTED, J, Value
 from codegen.errors import CodegenError
 from codegen.ir import DerivedEnergy, SymExpr
-from codegen.trace import Node, TracedEnergy
+from codegen.tape import Node
+from codegen.trace import TracedEnergy
 
 COFACTORS = {F11: F22, F21: -F12, F12: -F21, F22: F11}
 

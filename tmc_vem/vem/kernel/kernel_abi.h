@@ -1,4 +1,4 @@
-/* The interface of a generated kernel. Every generated shared object exports exactly these names.
+/* The interface of the cell driver: what a kernel of virtual elements exports besides that of points.h.
  *
  * Arrays are dense and row-major; the suffix names the axes:
  *   c  cell of the batch            s  shape: cells with equal projectors share one
@@ -24,12 +24,12 @@
 typedef struct {
   int64_t n_cells;
   int32_t n_basis, n_points, n_pieces;
-  int32_t n_first, n_stored;  /* monomials of the first gradient; coefficients kept of it for a function on a piece */
-  int32_t n_second, n_lower;  /* monomials of second_xma, and of its derivatives, the first of them */
+  int32_t n_first, n_stored;    /* monomials of the first gradient; coefficients kept of it for a function on a piece */
+  int32_t n_second, n_lower;    /* monomials of second_xma, and of its derivatives, the first of them */
   int32_t n_translated; /* a translation by 1 is 1 in so many degrees of freedom, the first, and 0 in the others; or 0 */
   int32_t has_potential; /* 1 if gradient_sptxma holds potential_sptma */
-  const int32_t *raised_mx;   /* positions of xi m and eta m, for the monomials of both gradients */
-  const double *power_mx;     /* powers of xi in the one, of eta in the other */
+  const int32_t *raised_mx;               /* positions of xi m and eta m, for the monomials of both gradients */
+  const double *power_mx;                 /* powers of xi in the one, of eta in the other */
   const int32_t *shape_c;                 /* [n_cells] */
   const int32_t *nodes_ca;                /* [n_cells][n_basis] */
   const int32_t *piece_q;                 /* [n_points] the piece on which a point lies */

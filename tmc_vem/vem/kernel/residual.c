@@ -110,7 +110,8 @@ ALWAYS_INLINE void first_gradient(const int n_i, const workspace *work, const tm
     return;
   }
   to_polynomials(1, n_i, n_stored, n, C, work->u_ai, Q_mi);
-  differentiate((derivatives){n_i, n_1, 1, n_i, 2 * n_i, n_i}, batch, work->scale, Q_mi, P_mxi);
+  const derivatives of = {.width = n_i, .n_m = n_1, .first = 1, .from_m = n_i, .to_m = 2 * n_i, .to_x = n_i};
+  differentiate(of, batch, work->scale, Q_mi, P_mxi);
 }
 
 /* The transposed way: forces T on these polynomials are added to the residual. */
@@ -122,7 +123,8 @@ static void first_forces(const workspace *work, const tmc_batch *batch, int piec
     return;
   }
   memset(Q_mi, 0, 2 * (size_t)n_stored * sizeof(vec));
-  add_differentiated((derivatives){2, n_1, 1, 2, 4, 2}, batch, work->scale, T_mxi, Q_mi);
+  const derivatives of = {.width = 2, .n_m = n_1, .first = 1, .from_m = 2, .to_m = N_F, .to_x = 2};
+  add_differentiated(of, batch, work->scale, T_mxi, Q_mi);
   to_nodes(1, n_stored, n, C, Q_mi, work->R_ai);
 }
 
@@ -137,7 +139,8 @@ static int64_t cells_below_tangent(const tmc_batch *batch, const double *u_ni, c
   if (!allocate(&work, batch, 0)) return -2;
   const int n = batch->n_basis, n_q = batch->n_points, n_1 = batch->n_first, n_m = n_monomials(batch);
   const int n_2 = batch->n_second, n_lower = N_ROWS > N_FIRST_ROWS ? batch->n_lower : 0;
-  const derivatives second = {N_F, n_lower, 0, N_F, N_G, N_F}; /* d1 of both directions of S, then d2 */
+  /* d1 of both directions of S, then d2 */
+  const derivatives second = {.width = N_F, .n_m = n_lower, .from_m = N_F, .to_m = N_G, .to_x = N_F};
   /* the second gradient is often that of the first gradient's own polynomials */
   const int own = N_ROWS > N_FIRST_ROWS && batch->n_pieces == 1 && batch->second_spxma == batch->gradient_sptxma;
   vec *P_mxi = work.polynomials, *T_mxi = P_mxi + N_F * n_1, *S_mxi = T_mxi + N_F * n_1;

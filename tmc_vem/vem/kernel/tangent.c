@@ -12,9 +12,10 @@ static inline int hessian_index(int a, int b) { return a <= b ? packed(a, b) : p
 static void tabulate(workspace *work, const tmc_batch *batch, int64_t first_cell) {
   if (!take_shapes(work, batch, first_cell)) return;
   const int n = batch->n_basis, n_q = batch->n_points, n_1 = batch->n_first, step = N_ROWS * n;
+  const derivatives first = {.width = n, .n_m = n_1, .first = 1, .from_m = n, .to_m = n, .to_x = (size_t)n_1 * n};
   for (int t = 0; batch->has_potential && t < batch->n_pieces; ++t)
-    differentiate((derivatives){n, n_1, 1, n, n, (size_t)n_1 * n}, batch, work->scale,
-                  work->gradient + (size_t)t * batch->n_stored * n, work->gradient_txma + (size_t)t * 2 * n_1 * n);
+    differentiate(first, batch, work->scale, work->gradient + (size_t)t * batch->n_stored * n,
+                  work->gradient_txma + (size_t)t * 2 * n_1 * n);
   const vec *gradient_txma = batch->has_potential ? work->gradient_txma : work->gradient;
   for (int q = 0, end; q < n_q; q = end) {
     end = piece_end(batch, q);
@@ -26,9 +27,10 @@ static void tabulate(workspace *work, const tmc_batch *batch, int64_t first_cell
   if (N_ROWS > N_FIRST_ROWS) {
     const int n_lower = batch->n_lower;
     const size_t block = (size_t)n_lower * n; /* of one derivative; d1 of both components of the gradient, then d2 */
+    const derivatives second = {.width = n, .n_m = n_lower, .from_m = n, .to_m = n, .to_x = 2 * block};
     for (int x = 0; x < 2; ++x)
-      differentiate((derivatives){n, n_lower, 0, n, n, 2 * block}, batch, work->scale,
-                    work->second + (size_t)x * batch->n_second * n, work->derivative_xma + x * block);
+      differentiate(second, batch, work->scale, work->second + (size_t)x * batch->n_second * n,
+                    work->derivative_xma + x * block);
     for (int r = N_FIRST_ROWS; r < N_ROWS; ++r)
       product(0, 0, n_q, n, n_lower, work->m_mq, n_q, work->derivative_xma + (r - N_FIRST_ROWS) * block, n,
               work->B_qra + r * n, step);
