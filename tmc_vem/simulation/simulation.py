@@ -14,11 +14,15 @@ from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.records import RunResult
 from tmc_vem.results.unfinished import how_to_go_on
 from tmc_vem.simulation.monitor import Monitor
-from tmc_vem.solve.path import Control, ControlPath
+from tmc_vem.solve.path import ControlPath
+from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError, TmcError
+from tmc_vem.support.memory import reuse_freed
 from tmc_vem.support.parallel import on_every_rank, on_root
 from tmc_vem.support.timing import Timer
 from tmc_vem.support.validation import check_fields, require_choice, require_finite, require_known, require_positive
+from tmc_vem.system.control import Control
+from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.vem.spaces.element import ElementSettings
 
@@ -106,7 +110,7 @@ def run(
     out: str | Path | None = None,
     options: RunOptions | None = None,
     *,
-    comm: Any = None,
+    comm: Comm | None = None,
     monitor: Monitor | None = None,
     resume: bool = False,
     command: Mapping[str, Any] | None = None,
@@ -141,7 +145,7 @@ def run(
     from tmc_vem.simulation.recorder import Recorder
     from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
     from tmc_vem.solve.budget import Budget
-    from tmc_vem.solve.newton import NewtonSolver
+    from tmc_vem.solve.newton import Iteration, NewtonSolver
     from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 
     options = options or RunOptions()
@@ -198,28 +202,25 @@ def run(
         budget = Budget(options.max_iterations, options.max_seconds, comm)
         with stop_requests(comm) as stop:
 
-            def on_iteration(iteration: Any) -> None:
-                monitor.iterated(solver.iterations_done, iteration.residual)
+            def on_iteration(iteration: Iteration, done: int) -> None:
+                monitor.iterated(done, iteration.residual)
                 stop.check()
                 budget.spend()
 
-            def on_step(step: Any, states: Any, at: Any) -> None:
-                recorder.record(step, states, at, solver.residual)
-
-            solver.on_iteration = on_iteration
             stepper: LoadStepper | ArcLengthStepper
             if options.follow:
                 arc = ArcOptions(largest=options.largest_step, first=min(ArcOptions.first, options.largest_step))
-                stepper = ArcLengthStepper(solver, arc, on_step)
+                stepper = ArcLengthStepper(solver, arc, recorder.record, on_iteration)
             else:
-                stepper = LoadStepper(solver, stepping, on_step, path, _gamma(problem), recorder.step_failed)
+                stepper = LoadStepper(
+                    solver, stepping, recorder.record, path, _gamma(problem), recorder.step_failed, on_iteration
+                )
             try:
                 outcome = stepper.run(u, states, position)
             except TmcError:
                 monitor.aborted()
                 raise
-        linear = {"solver": options.solver, "linear_iterations": solver.linear_iterations}
-        result = recorder.finish(outcome, u, solver.residual, linear, cut_short=budget.used_up)
+        result = recorder.finish(outcome, u, options.solver, cut_short=budget.used_up)
     except Interrupted as stop:
         how = how_to_go_on(directory.path) if directory is not None else ""
         _end_early(directory, comm, stop)
@@ -234,7 +235,7 @@ def run(
     return result
 
 
-def _end_early(directory: RunDirectory | None, comm: Any, error: BaseException) -> None:
+def _end_early(directory: RunDirectory | None, comm: Comm, error: BaseException) -> None:
     """Say in the run directory why there will be no result."""
     if directory is not None and comm.rank == 0:
         directory.interrupted(str(error) or type(error).__name__)
@@ -281,8 +282,8 @@ def _gamma(problem: Problem) -> dict[str, float]:
 
 
 def discretise(
-    problem: Problem, options: RunOptions, comm: Any, on_mesh: Callable[[PolygonMesh], object] | None = None
-) -> Any:
+    problem: Problem, options: RunOptions, comm: Comm, on_mesh: Callable[[PolygonMesh], object] | None = None
+) -> Discretisation:
     """The discretised system of a problem; kernels or forms are compiled if they are not in the cache.
 
     Args:
@@ -316,10 +317,11 @@ def discretise(
     )
     costs = {name: MEDIUM_COST for name, region in problem.regions().items() if region.is_medium}
     mesh = distribute(comm, make_mesh, costs)
+    reuse_freed()
     return VemSystem(mesh, kernels, problem.prescribed(), options.element)
 
 
-def require_finite_start(system: Any, problem: Problem) -> None:
+def require_finite_start(system: Discretisation, problem: Problem) -> None:
     """Check that energies and stresses can be computed before anything is deformed.
 
     Raises:
