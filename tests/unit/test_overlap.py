@@ -18,7 +18,7 @@ from tmc_vem.results.contact.contact import OVERLAP, Overlap
 from tmc_vem.results.records import RunResult, StepRecord
 from tmc_vem.simulation.overlap import OverlapWatch, Refusal
 from tmc_vem.simulation.problem_file import read_problem
-from tmc_vem.solve.newton import NewtonSolver
+from tmc_vem.solve.newton import NewtonResult, NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Evaluation, RegionValues
@@ -206,6 +206,28 @@ def test_a_refused_state_counts_as_a_failed_step(system: Any) -> None:
     assert result.reason.endswith("Stay here")
     assert until.refusals > 5  # extrapolated and tangent predictors, descent, detours, a stiffer medium
     assert steps[-1].load == result.load
+
+
+def test_a_refusal_counts_until_the_next_step_converges(system: Any) -> None:
+    """What ends a run is not put down to a state that was refused long before."""
+    until, steps = Until(system, -1.0), list[Any]()
+    solver, u = NewtonSolver(system, admission=until), system.create_vector()
+    nothing = NewtonResult(False, "for the test", system.energy(u))
+
+    def refused(*_: Any) -> None:
+        until.load = 1.0  # the first state only
+
+    def reached(step: Any, *_: Any) -> None:
+        steps.append(step)
+        solver.solve = lambda u, **_: nothing  # type: ignore[method-assign]
+
+    stepper = LoadStepper(solver, SteppingOptions(smallest=1e-3), reached, on_failure=refused)
+    result = stepper.run(u)
+    assert until.refusals >= 1
+    assert [step.cut_backs for step in steps] == [1]
+    assert not result.complete
+    assert result.reason.startswith("for the test")
+    assert result.refusal is None
 
 
 # -- whole runs ------------------------------------------------------------------------------------------------------
