@@ -18,6 +18,7 @@ from mpi4py import MPI
 from tmc_vem.energy import DENSITIES
 from tmc_vem.mesh.spread.distribute import distribute
 from tmc_vem.problems.base import RegionEnergy
+from tmc_vem.support.memory import reuse_freed
 from tmc_vem.vem.system import VemSystem
 
 Work = dict[str, Callable[[], object]]
@@ -25,6 +26,7 @@ Work = dict[str, Callable[[], object]]
 
 def vem(kind: str, name: str, n_dofs: float) -> tuple[VemSystem, Work]:
     """System of virtual elements, its tangent and its residual."""
+    reuse_freed()  # as every run does
     system = VemSystem(distribute(MPI.COMM_WORLD, lambda: square(kind, n_dofs)), {"body": region(name)})
     u, matrix, out = system.create_vector(), system.create_matrix(), system.create_vector()
     labels = system.node_labels()

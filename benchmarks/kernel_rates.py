@@ -28,6 +28,7 @@ from codegen.ir import KernelSource
 from codegen.trace import trace
 from tmc_vem.energy import DENSITIES
 from tmc_vem.mesh.spread.distribute import distribute
+from tmc_vem.support.memory import reuse_freed
 from tmc_vem.vem.kernel.batch import Tangents
 from tmc_vem.vem.kernel.driver import CELL_DRIVER
 from tmc_vem.vem.system import VemSystem
@@ -129,6 +130,7 @@ def bandwidth() -> float:
 
 def whole_tangent(kind: str, name: str) -> dict[str, float]:
     """The kernel with insertion on a mesh of 64k dofs: operations, seconds, bytes that come from memory, a cell."""
+    reuse_freed()  # as every run does
     system = VemSystem(distribute(MPI.COMM_WORLD, lambda: square(kind, 64e3)), {"body": region(name)})
     matrix, u = system.create_matrix(), system.create_vector()
     u.getArray()[:] = bend(system.node_labels()[:, :2]).ravel()

@@ -268,10 +268,10 @@ def study_beam() -> None:
     def force(mesh: PolygonMesh, projection: str) -> float:
         system = make_system(mesh, region("solid", K=20.0, mu=10.0), conditions, ElementSettings(projection=projection))
         start = interpolate(system, lambda p: np.stack([0.0 * p[:, 0], 0.1 * (p[:, 0] / 10.0) ** 2], axis=1))
-        solver = NewtonSolver(system)
-        if not solver.solve(start).converged:
+        result = NewtonSolver(system).solve(start)
+        if result.residual is None:
             return float("nan")
-        return float(system.reaction(solver.residual, "end", 1))
+        return float(system.reaction(result.residual, "end", 1))
 
     exact = force(beam_mesh(80, 8, 1), "full")
     print("cells    hanging nodes", *(p.rjust(11) for p in PROJECTIONS))

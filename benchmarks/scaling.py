@@ -42,6 +42,7 @@ def measure(nx: int, ny: int, solver: str, gamma: float, uy: float, repeat: int)
     from tmc_vem.solve.linear import LinearSolver
     from tmc_vem.solve.newton import NewtonSolver
     from tmc_vem.solve.stepping import LoadStepper
+    from tmc_vem.system.control import Control
 
     comm = MPI.COMM_WORLD
 
@@ -80,7 +81,7 @@ def measure(nx: int, ny: int, solver: str, gamma: float, uy: float, repeat: int)
     if solver != "none":
         linear = LinearSolver(matrix, comm, solver)
         du.getArray()[:] = 0.0
-        du.getArray()[system.constrained()] = system.prescribed(0.01)
+        du.getArray()[system.constrained()] = system.prescribed(Control(0.01))
         system.tangent_action(du, residual)
         residual.getArray()[system.constrained()] = 0.0
         started = time.perf_counter()

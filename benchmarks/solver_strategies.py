@@ -67,7 +67,6 @@ def measure(problem: Any, strategy: Strategy, method: str, penalty: str, rule: s
     options = RunOptions(method=method, fem=fem, element=element, continuation=strategy.continuation)
     system = discretise(problem, options, MPI.COMM_WORLD)
     solver, budget = NewtonSolver(system), Budget(limit)
-    solver.on_iteration = lambda _: budget.spend()
     steps: list[Any] = []
     stepper = LoadStepper(
         solver,
@@ -75,6 +74,7 @@ def measure(problem: Any, strategy: Strategy, method: str, penalty: str, rule: s
         lambda step, *_: steps.append(step),
         control_path(problem, options),
         {"gamma": problem.medium.gamma},
+        on_iteration=lambda *_: budget.spend(),
     )
     begin = time.monotonic()
     result = stepper.run(system.create_vector())

@@ -13,6 +13,7 @@ from tmc_vem.mesh.make.split import split_quadrilaterals
 from tmc_vem.problems import Box
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.control import Control
 from tmc_vem.system.fem_settings import FemSettings
 
 
@@ -51,7 +52,7 @@ def test_named_edges_hold_all_their_nodes(order: int, triangles: bool) -> None:
     assert on_border.all()
     assert len(x) == 2 * (3 + 2) * order
     assert (system.constrained() % 2 == 0).all()
-    assert system.prescribed(0.5) == pytest.approx(np.full(len(x), 0.5))
+    assert system.prescribed(Control(0.5)) == pytest.approx(np.full(len(x), 0.5))
 
 
 @pytest.mark.parametrize("order", [2, 3])

@@ -20,6 +20,7 @@ from tmc_vem.mesh import PolygonMesh
 from tmc_vem.results.output import gather_fields
 from tmc_vem.problems import Box, Medium
 from tmc_vem.solve.newton import NewtonSolver
+from tmc_vem.system.control import Control
 
 comm = MPI.COMM_WORLD
 system = problem_system(Box(cells=(20, 5), medium=Medium(gamma=1e-3)), comm, interior_penalty=sys.argv[1],
@@ -29,7 +30,7 @@ gradient = system.create_vector()
 evaluation = system.residual(w, gradient)
 solver = NewtonSolver(system)
 u, start = system.create_vector(), system.create_vector()
-assert solver.predict(start, 0.05, u)
+assert solver.predict(start, Control(0.05), u)
 result = solver.solve(u)
 assert result.converged, result.reason
 fields = gather_fields(system, u, ("medium",))
@@ -46,7 +47,7 @@ inside = PolygonMesh(
 )
 scattered = make_system(inside, SOLID, CLAMPED, triangles=sys.argv[2] == "1")
 n_constrained = comm.allreduce(len(scattered.constrained()))
-values = [n_constrained, gradient.norm(), system.reaction(solver.residual, "load", 1), system.max_step(w, w),
+values = [n_constrained, gradient.norm(), system.reaction(result.residual, "load", 1), system.max_step(w, w),
           *system.point_displacements(u, ["flange_top", "support_right"]).ravel().tolist()]
 if comm.rank == 0:
     print(json.dumps(values), flush=True)

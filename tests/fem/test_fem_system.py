@@ -7,7 +7,17 @@ import pytest
 from helpers_fem import CLAMPED, SOLID, grid, layered, make_system, medium, problem_system, random_vector, wavy
 
 from tmc_vem.problems import Box
+from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.control import Control
+
+
+def test_points_that_do_not_exist_are_refused() -> None:
+    system = problem_system(Box(cells=(20, 5)))
+    u = system.create_vector()
+    for ask in (system.point_coordinates, lambda names: system.point_displacements(u, names)):
+        with pytest.raises(InputError, match="'nose'"):
+            ask(("load", "nose"))
 
 
 def test_tangent_has_identity_rows_where_constrained() -> None:
@@ -64,7 +74,7 @@ def test_point_displacements_come_in_the_order_asked_for() -> None:
 
 def test_later_conditions_win() -> None:
     system = make_system(grid(2, 2), SOLID, [Prescribed("boundary", 0, 0.0), Prescribed("corner", 0, 0.25)])
-    assert sorted(system.prescribed(1.0))[-1] == 0.25
+    assert sorted(system.prescribed(Control(1.0)))[-1] == 0.25
     assert len(system.constrained()) == 16
 
 

@@ -9,6 +9,7 @@ from tmc_vem.mesh import PolygonMesh
 from tmc_vem.mesh.make.split import split_quadrilaterals
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.control import Control
 
 SUPPORTS = (Prescribed("left", 0), Prescribed("left", 1), Prescribed("tip", 1, -0.4))
 POINTS = {"a": (1.0, 0.5), "b": (2.0, 1.0), "c": (1.0, 1.0)}
@@ -41,7 +42,7 @@ def displacements(n: int, method: str) -> tuple[Float, float]:
     solver = NewtonSolver(system)
     u, start = system.create_vector(), system.create_vector()
     for load in (0.5, 1.0):
-        assert solver.predict(start, load, u)
+        assert solver.predict(start, Control(load), u)
         result = solver.solve(u)
         assert result.converged
         u.copy(start)

@@ -35,6 +35,10 @@ def lowered(amount: float) -> Callable[[Any], Any]:
     return displacement
 
 
+def words(refusal: Any) -> str:
+    return refusal.sentence() if refusal else ""
+
+
 def said(method: str) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as directory:
         problem, _ = read_problem(str(blocks(Path(directory), cells="quadrilaterals", size=0.1)))
@@ -49,11 +53,11 @@ def said(method: str) -> dict[str, Any]:
     now = [points[0] + [0.01, -0.25], points[1]]
     assert not tolerant.refusal(states[1], SQUEEZED)  # only states that are taken give gaps a sign
     return {
-        "apart": watch.refusal(states[0], SQUEEZED),
-        "inside": watch.refusal(states[1], SQUEEZED),
+        "apart": words(watch.refusal(states[0], SQUEEZED)),
+        "inside": words(watch.refusal(states[1], SQUEEZED)),
         "behind": tolerant.behind(states[1], points, now),
-        "beyond": watch.refusal(states[2], SQUEEZED),
-        "jump": watch.refusal_of_jump(states[0], states[2]),
+        "beyond": words(watch.refusal(states[2], SQUEEZED)),
+        "jump": words(watch.refusal_of_jump(states[0], states[2])),
         "inverted": int(MPI.COMM_WORLD.allreduce(int((system.dense_jacobians(states[1]) <= 0.0).sum()))),
     }
 

@@ -19,8 +19,9 @@ from tmc_vem.results.records import StepRecord
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation.overlap import OverlapWatch, Refusal
 from tmc_vem.simulation.problem_file import read_problem
-from tmc_vem.solve.newton import NewtonSolver
+from tmc_vem.solve.newton import NewtonResult, NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
+from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Evaluation, RegionValues
 
 Float = NDArray[np.float64]
@@ -44,19 +45,33 @@ def lowered(amount: float) -> Any:
 def test_states_with_and_without_overlap(system: Any) -> None:
     watch = OverlapWatch(system, ["medium"], 2)
     for amount, refused in ((0.1, False), (0.199, False), (0.2 + 0.5 * OVERLAP, False), (0.21, True), (0.3, True)):
-        words = watch.refusal(interpolate(system, lowered(amount)), SQUEEZED)
-        assert bool(words) == refused, amount
-    assert watch.refused is not None
-    assert watch.refused.overlap.depth == pytest.approx(0.1)
-    assert watch.refused.overlap.area == pytest.approx(0.1)
-    assert set(watch.refused.regions) == {"low", "up"}
+        refusal = watch.refusal(interpolate(system, lowered(amount)), SQUEEZED)
+        assert (refusal is not None) == refused, amount
+    assert refusal is not None
+    assert refusal.overlap.depth == pytest.approx(0.1)
+    assert refusal.overlap.area == pytest.approx(0.1)
+    assert set(refusal.regions) == {"low", "up"}
     names = system.regions
-    for cell, name in zip(watch.refused.cells, watch.refused.regions, strict=True):
+    for cell, name in zip(refusal.cells, refusal.regions, strict=True):
         assert names[system.distributed.mesh.region_c[cell]] == name
-    assert "depth 1.00e-01" in words
-    assert "inside cell" in words
-    watch.accepted()
-    assert watch.complaint() is None
+    assert "depth 1.00e-01" in refusal.sentence()
+    assert "inside cell" in refusal.sentence()
+    assert refusal.advice().startswith("Try smaller cells")
+
+
+def test_the_advice_is_the_cause_that_is_known_for_the_place(system: Any) -> None:
+    places: list[Any] = []
+
+    def cause(place: Any) -> str | None:
+        places.append(place)
+        return "the medium ends there"
+
+    watch = OverlapWatch(system, ["medium"], 2, cause=cause)
+    refusal = watch.refusal(interpolate(system, lowered(0.3)), SQUEEZED)
+    assert refusal is not None
+    assert not places  # it is looked for when it is asked for
+    assert refusal.advice() == "Known cause: the medium ends there"
+    assert places == [refusal.overlap.origin]
 
 
 def test_nothing_is_looked_at_before_the_medium_is_squeezed(system: Any) -> None:
@@ -109,9 +124,10 @@ def test_a_jump_to_the_other_side_is_seen(system: Any) -> None:
     watch = OverlapWatch(system, ["medium"], 2)
     before, near, beyond = (interpolate(system, lowered(amount)) for amount in (0.15, 0.19, 1.5))
     assert not watch.refusal(beyond, SQUEEZED)
-    assert "passed through each other" in watch.refusal_of_jump(before, beyond)
-    assert watch.refused is not None
-    assert watch.refused.passed
+    refusal = watch.refusal_of_jump(before, beyond)
+    assert refusal is not None
+    assert "passed through each other" in refusal.sentence()
+    assert refusal.passed
     assert not watch.refusal_of_jump(before, near)
 
 
@@ -158,18 +174,21 @@ class Until:
     def __init__(self, system: Any, load: float) -> None:
         self.system, self.load, self.refusals = system, load, 0
 
-    def refusal(self, u: Any, evaluation: Evaluation) -> str:
+    def refusal(self, u: Any, evaluation: Evaluation) -> Until | None:
         here = u.getArray(readonly=True)[self.system.constrained()]
-        full = self.system.prescribed(1.0)
+        full = self.system.prescribed(Control(1.0))
         beyond = float(here @ full / (full @ full)) > self.load
         self.refusals += beyond
-        return "beyond" if beyond else ""
+        return self if beyond else None
 
-    def refusal_of_jump(self, before: Any, after: Any) -> str:
-        return ""
+    def refusal_of_jump(self, before: Any, after: Any) -> None:
+        return None
 
-    def complaint(self) -> tuple[str, str] | None:
-        return "it is beyond", "Stay here"
+    def sentence(self) -> str:
+        return "it is beyond"
+
+    def advice(self) -> str:
+        return "Stay here"
 
 
 def test_a_refused_state_counts_as_a_failed_step(system: Any) -> None:
@@ -188,6 +207,28 @@ def test_a_refused_state_counts_as_a_failed_step(system: Any) -> None:
     assert result.reason.endswith("Stay here")
     assert until.refusals > 5  # extrapolated and tangent predictors, descent, detours, a stiffer medium
     assert steps[-1].load == result.load
+
+
+def test_a_refusal_counts_until_the_next_step_converges(system: Any) -> None:
+    """What ends a run is not put down to a state that was refused long before."""
+    until, steps = Until(system, -1.0), list[Any]()
+    solver, u = NewtonSolver(system, admission=until), system.create_vector()
+    nothing = NewtonResult(False, "for the test", system.energy(u))
+
+    def refused(*_: Any) -> None:
+        until.load = 1.0  # the first state only
+
+    def reached(step: Any, *_: Any) -> None:
+        steps.append(step)
+        solver.solve = lambda u, **_: nothing  # type: ignore[method-assign]
+
+    stepper = LoadStepper(solver, SteppingOptions(smallest=1e-3), reached, on_failure=refused)
+    result = stepper.run(u)
+    assert until.refusals >= 1
+    assert [step.cut_backs for step in steps] == [1]
+    assert not result.complete
+    assert result.reason.startswith("for the test")
+    assert result.refusal is None
 
 
 # -- whole runs ------------------------------------------------------------------------------------------------------

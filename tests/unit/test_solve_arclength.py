@@ -16,10 +16,11 @@ from tmc_vem.mesh import PolygonMesh
 from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.parts import submesh, with_names
 from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
-from tmc_vem.solve.newton import NewtonSolver
+from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Evaluation, RegionValues
 
 Float = NDArray[np.float64]
@@ -50,8 +51,11 @@ class Truss:
     def constrained(self) -> NDArray[np.int32]:
         return np.array([1], dtype=np.int32)
 
-    def prescribed(self, load: float) -> Float:
-        return np.array([self.depth * load])
+    def prescribed(self, position: Control) -> Float:
+        return np.array([self.depth * position.load])
+
+    def prescribed_per_load(self, position: Control) -> Float:
+        return np.array([self.depth])
 
     def set_parameters(self, values: Mapping[str, float]) -> None:
         pass
@@ -147,6 +151,48 @@ def test_following_goes_on_from_where_it_stopped() -> None:
     again = ArcLengthStepper(NewtonSolver(truss), ArcOptions(largest=0.1), lambda step, *_: steps.append(step))
     assert again.run(u, states, position).complete
     assert [step.load for step in steps] == pytest.approx([step.load for step in whole[7:]], rel=1e-12)
+
+
+class Slowly(Truss):
+    """The spring's end moves with a power of the load factor: slowly at first."""
+
+    power = 1.5
+
+    def prescribed(self, position: Control) -> Float:
+        return np.array([self.depth * position.load**self.power])
+
+    def prescribed_per_load(self, position: Control) -> Float:
+        return np.array([self.power * self.depth * position.load ** (self.power - 1.0)])
+
+
+def test_what_is_prescribed_may_be_any_function_of_the_load() -> None:
+    result, steps, found = follow(Slowly(), largest=0.05)
+    assert result.complete, result.reason
+    tops, loads = np.array([state[0] for state in found]), np.array([step.load for step in steps])
+    assert loads == pytest.approx(Truss().load_at(tops) ** (1 / Slowly.power), abs=1e-9)
+    assert np.diff(loads).min() < 0.0  # through a limit point
+
+
+def test_the_change_per_load_is_the_derivative_of_the_equilibrium() -> None:
+    """Central differences of the state approach it with the square of the step."""
+    truss = Slowly()
+    solver, change = NewtonSolver(truss, NewtonOptions(residual=1e-13, correction=1e-13)), truss.create_vector()
+
+    def equilibrium(load: float) -> Any:
+        u = truss.create_vector()
+        u.getArray()[:] = [0.1, 0.0]
+        solver.set_prescribed(u, Control(load))
+        assert solver.solve(u).converged
+        return u
+
+    worked, _ = solver.per_load(equilibrium(0.2), Control(0.2), change)
+    assert worked
+    errors = []
+    for step in (0.02, 0.01, 0.005):
+        slope = (equilibrium(0.2 + step) - equilibrium(0.2 - step)) * (0.5 / step)
+        errors.append((slope - change).norm())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.2)
 
 
 def test_a_branch_that_does_not_reach_the_load_ends() -> None:

@@ -14,6 +14,7 @@ from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.control import Control
 
 SOLID = region("solid", K=20.0, mu=10.0)
 
@@ -36,7 +37,7 @@ def small_box(uy=-1.0, **medium):
 def predicted(solver):
     """First guess at full load, from rest."""
     u, guess = solver.system.create_vector(), solver.system.create_vector()
-    assert solver.predict(u, 1.0, guess)
+    assert solver.predict(u, Control(1.0), guess)
     return guess
 
 
@@ -96,20 +97,50 @@ def test_result_is_an_equilibrium():
     system = small_box(uy=-0.1)
     solver = NewtonSolver(system)
     u = predicted(solver)
-    assert solver.solve(u).converged
-    free = solver.residual.getArray().copy()
+    result = solver.solve(u)
+    assert result.converged
+    residual = result.residual
+    free = residual.getArray().copy()
     free[system.constrained()] = 0.0
-    assert np.abs(free).max() < 1e-8 * np.abs(solver.residual.getArray()).max()
+    assert np.abs(free).max() < 1e-8 * np.abs(residual.getArray()).max()
     # reactions balance: all forces add up to zero, and what pushes at the top is carried by the two supports
-    load = system.reaction(solver.residual, "load", 1)
-    supports = [system.reaction(solver.residual, where, 1) for where in ("support_left", "support_right")]
+    load = system.reaction(residual, "load", 1)
+    supports = [system.reaction(residual, where, 1) for where in ("support_left", "support_right")]
     assert load < -1e-3
     assert load + sum(supports) == pytest.approx(0.0, abs=1e-9 * abs(load))
-    assert system.reaction(solver.residual, "support_left", 0) == pytest.approx(0.0, abs=1e-9 * abs(load))
+    assert system.reaction(residual, "support_left", 0) == pytest.approx(0.0, abs=1e-9 * abs(load))
     # moments about the left support: lever arms in the deformed state
     arm = 1.0 + system.point_displacements(u, ["load"])[0, 0]
     span = 2.0 + system.point_displacements(u, ["support_right"])[0, 0]
     assert load * arm + supports[1] * span == pytest.approx(0.0, abs=1e-8 * abs(load))
+
+
+def test_a_result_keeps_its_residual_whatever_is_solved_later():
+    system = small_box(uy=-0.1)
+    solver = NewtonSolver(system)
+    u = predicted(solver)
+    result = solver.solve(u)
+    reaction = system.reaction(result.residual, "load", 1)
+    further = system.create_vector()
+    assert solver.predict(u, Control(1.2), further)
+    assert system.reaction(solver.solve(further).residual, "load", 1) != pytest.approx(reaction, rel=1e-2)
+    assert system.reaction(result.residual, "load", 1) == reaction
+    far = interpolate(system, lambda x: -2.0 * x * [1, 0])
+    assert solver.solve(far).residual is None  # it has not converged
+
+
+def test_every_iteration_is_told_with_the_number_of_those_before():
+    system, told = small_box(uy=-0.2), []
+    solver = NewtonSolver(system)
+    stepper = LoadStepper(solver, SteppingOptions(steps=2), on_iteration=lambda *said: told.append(said))
+    result = stepper.run(system.create_vector())
+    assert result.complete
+    assert [done for _, done in told] == list(range(1, solver.iterations_done + 1))
+    assert [iteration for iteration, _ in told][-len(result.last.newton.iterations) :] == list(
+        result.last.newton.iterations
+    )
+    assert result.last.number == 2
+    assert result.linear_iterations == solver.linear_iterations > 0
 
 
 def test_reaction_is_the_derivative_of_the_energy():
@@ -119,8 +150,9 @@ def test_reaction_is_the_derivative_of_the_energy():
         system = block(uy, 0.3)
         solver = NewtonSolver(system)
         u = predicted(solver)
-        energies.append(solver.solve(u).evaluation.energy)
-        reactions.append(system.reaction(solver.residual, "top", 1))
+        result = solver.solve(u)
+        energies.append(result.evaluation.energy)
+        reactions.append(system.reaction(result.residual, "top", 1))
     slope = (energies[2] - energies[0]) / (loads[2] - loads[0])
     assert reactions[1] == pytest.approx(slope, rel=1e-6)
 
@@ -172,7 +204,7 @@ def test_predictor_is_exact_to_first_order():
         system = block(-0.4 * scale, 0.3 * scale)
         solver = NewtonSolver(system, NewtonOptions(residual=1e-12, correction=1e-12))
         u, predicted = system.create_vector(), system.create_vector()
-        assert solver.predict(u, 1.0, predicted)
+        assert solver.predict(u, Control(1.0), predicted)
         predicted.copy(u)
         assert solver.solve(u).converged
         distances.append((u - predicted).norm())
@@ -183,7 +215,7 @@ def test_predictor_is_exact_to_first_order():
 def test_predictor_reports_an_inversion():
     system = block(-1.5)
     solver = NewtonSolver(system)
-    assert not solver.predict(system.create_vector(), 1.0, system.create_vector())
+    assert not solver.predict(system.create_vector(), Control(1.0), system.create_vector())
 
 
 @pytest.mark.parametrize("steps", [1, 3, 7])

@@ -356,9 +356,9 @@ def test_a_detour_is_stiffer_than_the_path_is_there() -> None:
     solver = NewtonSolver(system)
     stepper = LoadStepper(solver, SteppingOptions(), path=path, soften={"gamma": 1e-5})
     refused = NewtonResult(False, "for the test", system.energy(system.create_vector()))
-    solver.solve = lambda u, *, minimise=False: refused  # type: ignore[method-assign]
+    solver.solve = lambda u, **_: refused  # type: ignore[method-assign]
     u, trial = system.create_vector(), system.create_vector()
-    assert not stepper._other_branch(u, trial, 0.2, 0.3).converged
+    assert not stepper._other_branch(u, trial, 0.2, 0.3).result.converged
     told = [parameters["gamma"] for parameters in system.parameters]
     assert min(told) == pytest.approx(1e-2)
     assert max(told) > 1e-2

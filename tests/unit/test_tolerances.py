@@ -24,6 +24,7 @@ from tmc_vem.results.contact.contact import check_contact
 from tmc_vem.simulation.checkpoint import Checkpoint
 from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
 from tmc_vem.support.errors import InputError
+from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Evaluation, RegionValues
 
 Float = NDArray[np.float64]
@@ -60,7 +61,7 @@ class Rounding:
     def constrained(self) -> NDArray[np.int32]:
         return np.array([1], dtype=np.int32)
 
-    def prescribed(self, load: float) -> Float:
+    def prescribed(self, position: Control) -> Float:
         return np.array([0.0])
 
     def set_parameters(self, values: Mapping[str, float]) -> None:

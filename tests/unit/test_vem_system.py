@@ -11,6 +11,7 @@ from tmc_vem.mesh import PolygonMesh
 from tmc_vem.problems import Box, Medium
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.control import Control
 from tmc_vem.vem import insertion
 from tmc_vem.vem.pattern import serial_matrix
 from tmc_vem.vem.spaces.element_settings import ElementSettings
@@ -115,11 +116,21 @@ def test_direct_insertion_is_that_of_petsc(name, monkeypatch):
             monkeypatch.setattr(insertion, "_structure", lambda matrix: None)
         system = SYSTEMS[name]()
         matrix, u = system.create_matrix(), interpolate(system, wavy)
-        assert any(part.direct.n_cells for part in system._insertion._parts) == direct
         for _ in range(2):  # the second time over the values of the first
             system.jacobian(u, matrix)
+        assert any(part.direct.n_cells for part in system._insertion._parts) == direct
         tangents.append(dense(matrix))
     np.testing.assert_allclose(tangents[0], tangents[1], rtol=0, atol=1e-13 * np.abs(tangents[1]).max())
+
+
+def test_tangents_go_into_every_matrix_of_the_pattern():
+    """Where they go is looked up in the matrix that comes first, whoever has made it."""
+    system = SYSTEMS["box"]()
+    u = interpolate(system, wavy)
+    made_by_the_dm, made_by_us = system.dofmap.dm.createMat(), system.create_matrix()
+    for matrix in (made_by_the_dm, made_by_us):
+        system.jacobian(u, matrix)
+    np.testing.assert_array_equal(dense(made_by_the_dm), dense(made_by_us))
 
 
 @pytest.mark.parametrize("name", ["box", "solid and medium, order 3", "hanging nodes", "non-convex"])
@@ -145,7 +156,7 @@ def test_constrained_rows_and_columns_are_the_identity():
     expected[fixed, :] = expected[:, fixed] = 0.0
     expected[fixed, fixed] = 1.0
     assert pytest.approx(expected, abs=1e-12 * np.abs(expected).max()) == K
-    assert sorted(set(system.prescribed(0.5).tolist())) == [0.0, 0.15]
+    assert sorted(set(system.prescribed(Control(0.5)).tolist())) == [0.0, 0.15]
     system.jacobian(u, matrix)  # values are set anew, not added
     assert pytest.approx(K, abs=1e-12 * np.abs(K).max()) == dense(matrix)
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.fem.jit_lock import no_stale_locks
+from tmc_vem.support.distributed import Comm, Mat
 from tmc_vem.support.errors import InputError
 
 Float = NDArray[np.float64]
@@ -68,7 +69,7 @@ def parse_version(text: str) -> tuple[int, int]:
     return version
 
 
-def create_mesh(comm: Any, cell: str, cells: Int, points: Float) -> Any:
+def create_mesh(comm: Comm, cell: str, cells: Int, points: Float) -> Any:
     """Distributed mesh whose facets on a border between ranks know both of their cells.
 
     Args:
@@ -180,14 +181,15 @@ def scatter_reverse(function: Any) -> None:
     function.x.scatter_reverse(mode)
 
 
-def create_matrix(compiled: Any) -> Any:
+def create_matrix(compiled: Any) -> Mat:
     """Matrix with the pattern of a bilinear form."""
     from dolfinx.fem import petsc
 
-    return petsc.create_matrix(compiled)
+    matrix: Mat = petsc.create_matrix(compiled)
+    return matrix
 
 
-def assemble_matrix(out: Any, compiled: Any) -> None:
+def assemble_matrix(out: Mat, compiled: Any) -> None:
     """Assemble a bilinear form, without boundary conditions."""
     from dolfinx.fem import petsc
 

@@ -13,6 +13,7 @@ from tmc_vem.fem import compat
 from tmc_vem.mesh.geometry import areas
 from tmc_vem.mesh.make.split import split_quadrilaterals
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError, TmcError
 
 Float = NDArray[np.float64]
@@ -55,7 +56,7 @@ class FemMesh:
         names: names of regions, points and edges.
     """
 
-    comm: Any
+    comm: Comm
     mesh: Any
     cell: str
     n_owned: int
@@ -69,7 +70,7 @@ class FemMesh:
     names: Names
 
 
-def distribute(comm: Any, make_mesh: Callable[[], PolygonMesh], *, triangles: bool = False) -> FemMesh:
+def distribute(comm: Comm, make_mesh: Callable[[], PolygonMesh], *, triangles: bool = False) -> FemMesh:
     """Make the problem's mesh on rank 0 and let dolfinx distribute it.
 
     Args:
@@ -148,7 +149,7 @@ def _check_convex(corners_cvx: Float) -> None:
         raise InputError(f"cell {wrong[0]} is not convex: quadrilateral elements need convex cells; use triangles")
 
 
-def _on_root(comm: Any, make: Callable[[], Any]) -> Any:
+def _on_root(comm: Comm, make: Callable[[], Any]) -> Any:
     """Make something on rank 0; all ranks get it, or its error."""
     made: Any = None
     if comm.rank == 0:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from tmc_vem.fem import compat
 from tmc_vem.fem.mesh import FemMesh
 from tmc_vem.mesh.geometry import areas
 from tmc_vem.support.errors import InputError
-from tmc_vem.system.constraints import Prescribed, is_called
+from tmc_vem.system.constraints import is_called
 from tmc_vem.system.fields import Polygons
 
 Float = NDArray[np.float64]
@@ -73,15 +72,6 @@ class Nodes:
         compat.scatter_reverse(mark)
         nodes: Int = np.flatnonzero(mark.x.array[: 2 * self.n_owned : 2] > 0.0)
         return nodes
-
-    def locate(self, prescribed: Sequence[Prescribed]) -> tuple[NDArray[np.int32], Float]:
-        """Owned constrained degrees of freedom, without duplicates, and their values at load factor 1."""
-        values: dict[int, float] = {}
-        for condition in prescribed:
-            for node in self.named(condition.where).tolist():
-                values[2 * node + condition.component] = condition.value
-        dofs = np.array(sorted(values), dtype=np.int32)
-        return dofs, np.array([values[dof] for dof in dofs.tolist()])
 
     def sum_over_cells(self, values_cai: Float) -> Float:
         """Sum of element vectors (n_owned_cells, n_basis, 2) at the owned nodes (n_owned, 2), over all ranks."""

@@ -5,10 +5,9 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
@@ -23,12 +22,16 @@ from tmc_vem.fem.point_evaluation import locate
 from tmc_vem.fem.points import QuadraturePoints, jacobian, largest_step
 from tmc_vem.mesh.locate import TOLERANCE
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.support.distributed import Comm, Mat, Vec
 from tmc_vem.support.errors import InputError
+from tmc_vem.system.constrained import Constrained
 from tmc_vem.system.constraints import Prescribed
-from tmc_vem.system.discretisation import Evaluation, RegionValues
+from tmc_vem.system.control import Control
+from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.places import Located
+from tmc_vem.system.reduction import Shares, at_named_points, reaction, step_limit
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -38,7 +41,7 @@ CELLS_AT_ONCE = 4096  # whose dense arrays are held at a time
 
 
 class FemSystem:
-    """Lagrange elements of order 2 or 3 for a potential of F and G; implements ``NonlinearSystem``.
+    """Lagrange elements of order 2 or 3 for a potential of F and G; implements ``Discretisation``.
 
     Residual and tangent come from compiled forms; energies, J and the step limit from numpy at the same quadrature
     points.
@@ -57,7 +60,7 @@ class FemSystem:
 
     def __init__(
         self,
-        comm: Any,
+        comm: Comm,
         make_mesh: Callable[[], PolygonMesh],
         regions: Mapping[str, RegionDensity],
         prescribed: Sequence[Prescribed] = (),
@@ -82,22 +85,22 @@ class FemSystem:
         self._state, self._gradient = self.nodes.function(), self.nodes.function()
         self.forms = make_forms(self.mesh, self._state, regions, self.settings)
         self._values = {name: dict(region.values) for name, region in regions.items()}
-        self._tangent: Any = None
+        self._tangent: Mat | None = None
         self._load_nodes: Float | None = None
-        self._owned, self._owned_values = self.nodes.locate(prescribed)
+        self._constrained = Constrained.of(prescribed, self.nodes.named)
 
-    # -- NonlinearSystem -----------------------------------------------------------------------------------------
+    # -- Discretisation ------------------------------------------------------------------------------------------
 
-    def create_vector(self) -> Any:
+    def create_vector(self) -> Vec:
         """A new global displacement vector, zero."""
-        vector = PETSc.Vec().createMPI((2 * self.nodes.n_owned, PETSc.DECIDE), comm=self.comm)
+        vector: Vec = PETSc.Vec().createMPI((2 * self.nodes.n_owned, PETSc.DECIDE), comm=self.comm)
         vector.set(0.0)
         return vector
 
-    def create_matrix(self) -> Any:
+    def create_matrix(self) -> Mat:
         """A new symmetric matrix with the pattern of the tangent."""
         self.compile()
-        matrix = compat.create_matrix(self._tangent_form)
+        matrix: Mat = compat.create_matrix(self._tangent_form)
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
         matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
@@ -105,12 +108,15 @@ class FemSystem:
 
     def constrained(self) -> NDArray[np.int32]:
         """Constrained entries owned by this rank, as positions in its part of a global vector."""
-        return self._owned
+        return self._constrained.dofs.astype(np.int32)
 
-    def prescribed(self, load: float) -> Float:
-        """Displacements of :meth:`constrained` at a load factor."""
-        values: Float = load * self._owned_values
-        return values
+    def prescribed(self, position: Control) -> Float:
+        """Displacements of :meth:`constrained` at a position on the path."""
+        return self._constrained.at(position)
+
+    def prescribed_per_load(self, position: Control) -> Float:
+        """Their derivatives with respect to the load factor."""
+        return self._constrained.per_load(position)
 
     def set_parameters(self, values: Mapping[str, float]) -> None:
         """Change parameters, by name, in every energy that has them."""
@@ -118,11 +124,11 @@ class FemSystem:
         for own in self._values.values():
             own.update({name: value for name, value in values.items() if name in own})
 
-    def energy(self, u: Any) -> Evaluation:
+    def energy(self, u: Vec) -> Evaluation:
         """Potential at ``u``."""
         return self._evaluation(self._local_values(u))
 
-    def residual(self, u: Any, out: Any) -> Evaluation:
+    def residual(self, u: Vec, out: Vec) -> Evaluation:
         """Full gradient of the potential into ``out``; its constrained entries are the reactions."""
         u_nodes = self._local_values(u)
         compat.assemble_vector(self._gradient, self._residual_form)
@@ -130,7 +136,7 @@ class FemSystem:
         out.getArray()[:] = gradient if self._load_nodes is None else gradient - self._load_nodes.ravel()
         return self._evaluation(u_nodes)
 
-    def jacobian(self, u: Any, out: Any) -> None:
+    def jacobian(self, u: Vec, out: Mat) -> None:
         """Tangent at ``u`` with rows and columns of the identity at constrained degrees of freedom."""
         self._local_values(u)
         compat.assemble_matrix(out, self._tangent_form)
@@ -139,34 +145,30 @@ class FemSystem:
         else:
             out.copy(self._tangent, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         first, _ = out.getOwnershipRange()
-        out.zeroRowsColumns((self._owned + first).astype(PETSc.IntType), diag=1.0)
+        out.zeroRowsColumns((self._constrained.dofs + first).astype(PETSc.IntType), diag=1.0)
 
-    def tangent_action(self, du: Any, out: Any) -> None:
+    def tangent_action(self, du: Vec, out: Vec) -> None:
         """Product of the last tangent, without boundary conditions, and ``du``."""
+        if self._tangent is None:
+            raise ValueError("there is no tangent yet: call jacobian() first")
         self._tangent.mult(du, out)
 
-    def max_step(self, u: Any, du: Any) -> float:
+    def max_step(self, u: Vec, du: Vec) -> float:
         """Largest s with J > 0 at every quadrature point along u + t du, t < s."""
         gradient = self._first_gradient(self._local_values(u))
-        step = largest_step(gradient, self._first_gradient(self._local_values(du)))
-        return float(self.comm.allreduce(step, op=MPI.MIN))
+        return step_limit(self.comm, [largest_step(gradient, self._first_gradient(self._local_values(du)))])
 
-    def point_displacements(self, u: Any, names: Sequence[str]) -> Float:
+    def point_displacements(self, u: Vec, names: Sequence[str]) -> Float:
         """Displacements (n, 2) of named points, equal on all ranks."""
         owned = u.getArray(readonly=True).reshape(-1, 2)
-        mine = {}
-        for name in names:
-            for node in self.nodes.named(name).tolist():
-                mine[name] = owned[node].copy()
-        found = {name: value for part in self.comm.allgather(mine) for name, value in part.items()}
-        return np.array([found[name] for name in names]).reshape(-1, 2)
+        mine = {name: owned[node].copy() for name in names for node in self.nodes.named(name).tolist()}
+        return at_named_points(self.comm, names, mine)
 
-    def reaction(self, residual: Any, where: str, component: int) -> float:
+    def reaction(self, residual: Vec, where: str, component: int) -> float:
         """Force that holds a named point or edge set, summed over its nodes."""
-        array = residual.getArray(readonly=True).reshape(-1, 2)
-        return float(self.comm.allreduce(float(array[self.nodes.named(where), component].sum())))
+        return reaction(self.comm, residual, self.nodes.named(where), component)
 
-    # -- beyond the protocol -------------------------------------------------------------------------------------
+    # -- beyond the solver ---------------------------------------------------------------------------------------
 
     @property
     def n_dofs(self) -> int:
@@ -182,7 +184,7 @@ class FemSystem:
         """This rank's share of the work."""
         return {"cells": float(self.mesh.n_owned)}
 
-    def projection_degrees(self) -> dict[int, int]:
+    def projection_degrees(self) -> dict[str, int]:
         """Nothing is projected here."""
         return {}
 
@@ -194,7 +196,7 @@ class FemSystem:
             raise InputError(f"the mesh has no named point '{unknown[0]}'")
         return np.array([known[name] for name in names]).reshape(-1, 2)
 
-    def nodal_values(self, u: Any) -> Float:
+    def nodal_values(self, u: Vec) -> Float:
         """Values (n_nodes, 2) of this rank's nodes, ghosts included."""
         return self._local_values(u)
 
@@ -206,7 +208,7 @@ class FemSystem:
         """Compile the forms, or find them in dolfinx' cache; otherwise this happens when they are first needed."""
         _ = self._residual_form, self._tangent_form, self._facet_forms
 
-    def interpolate(self, displacement: Callable[[Float], Float]) -> Any:
+    def interpolate(self, displacement: Callable[[Float], Float]) -> Vec:
         """Vector of the nodal values of a function that maps points (n, 2) to displacements (n, 2)."""
         vector = self.create_vector()
         vector.getArray()[:] = displacement(self.nodes.points_nx[: self.nodes.n_owned]).ravel()
@@ -226,7 +228,7 @@ class FemSystem:
         """This rank's cells as polygons through all nodes of their boundary."""
         return self.nodes.polygons()
 
-    def output_displacements(self, u: Any) -> Float:
+    def output_displacements(self, u: Vec) -> Float:
         """(n_points, 2) displacements of the polygons' points."""
         return self._local_values(u)[self.nodes.polygon_nodes()]
 
@@ -238,17 +240,17 @@ class FemSystem:
         """(n_cells,) reference areas of this rank's cells."""
         return self.mesh.areas_c[: self.mesh.n_owned]
 
-    def cell_energies(self, u: Any, without: str = "") -> Float:
+    def cell_energies(self, u: Vec, without: str = "") -> Float:
         """(n_cells,) energies of this rank's cells, without the interior penalty; parameter ``without`` is set to 0."""
         return self._cell_values(self._local_values(u), without)[0]
 
-    def cell_jacobians(self, u: Any) -> tuple[Float, Float]:
+    def cell_jacobians(self, u: Vec) -> tuple[Float, Float]:
         """Mean and smallest J (n_cells,) of this rank's cells."""
         J = jacobian(self._first_gradient(self._local_values(u)))
         w = self.points.w_cq
         return (w * J).sum(axis=1) / w.sum(axis=1), J.min(axis=1)
 
-    def dense_jacobians(self, u: Any) -> Float:
+    def dense_jacobians(self, u: Vec) -> Float:
         """Smallest J (n_cells,) of this rank's cells on a grid much finer than the quadrature's."""
         u_nodes, smallest = self._local_values(u), np.empty(self.mesh.n_owned)
         for first in range(0, self.mesh.n_owned, CELLS_AT_ONCE):
@@ -272,7 +274,7 @@ class FemSystem:
     def _facet_forms(self) -> dict[str, Any]:
         return {name: compat.form(form) for name, form in self.forms.facets.items()}
 
-    def _local_values(self, u: Any) -> Float:
+    def _local_values(self, u: Vec) -> Float:
         """Write ``u`` into the forms' function; values (n_nodes, 2) of this rank's nodes, ghosts included."""
         array = self._state.x.array
         array[: 2 * self.nodes.n_owned] = u.getArray(readonly=True)
@@ -310,30 +312,22 @@ class FemSystem:
     def _evaluation(self, u_nodes: Float) -> Evaluation:
         """Energies and extremes; the forms' function holds the same state."""
         energy_c, min_j_c = self._cell_values(u_nodes)
-        energy = {
-            name: float(energy_c[cells].sum()) for name, cells in zip(self.region_names, self._cells_of, strict=True)
-        }
-        for name, form in self._facet_forms.items():
-            energy[name] += compat.assemble_scalar(form)
-        lowest = {}
+        shares = Shares(self.region_names)
         for name, cells in zip(self.region_names, self._cells_of, strict=True):
-            if len(cells):
-                worst = cells[int(np.argmin(min_j_c[cells]))]  # argmin takes a NaN for the smallest
-                lowest[name] = (float(min_j_c[worst]), int(self.mesh.cell_ids[worst]))
+            shares.add_cells(name, energy_c[cells], min_j_c[cells], self.mesh.cell_ids[cells])
+        for name, form in self._facet_forms.items():
+            shares.add(name, compat.assemble_scalar(form))
         work = 0.0
         if self._load_nodes is not None:
             work = float((self._load_nodes * u_nodes[: self.nodes.n_owned]).sum())
-        parts = self.comm.allgather((energy, lowest, work))
-        regions, overall = {}, (np.inf, -1, "")
-        for name in self.region_names:
-            candidates = [part[1][name] for part in parts if name in part[1]]
-            smallest = min(candidates, key=lambda c: c[0] if c[0] == c[0] else -np.inf, default=(np.inf, -1))
-            regions[name] = RegionValues(sum(part[0][name] for part in parts), smallest[0])
-            if not smallest[0] >= overall[0]:
-                overall = (*smallest, name)
-        where = f"J = {overall[0]:.3g} in cell {overall[1]} of region '{overall[2]}'"
-        stored = sum(values.energy for values in regions.values())
-        return Evaluation(stored - sum(part[2] for part in parts), regions, where)
+        return shares.together(self.comm, work)
+
+
+if TYPE_CHECKING:
+
+    def _discretisation(system: FemSystem) -> Discretisation:
+        """Seen by mypy only: that the class fulfils the protocol."""
+        return system
 
 
 def _components(tensor_cqx: Float, precision: type[np.floating[Any]]) -> Components:

@@ -5,77 +5,39 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from tmc_vem.results.records import COLLECTION, FIELDS, TRIANGULATED
 from tmc_vem.results.subtriangles import SubTriangles
 from tmc_vem.results.vtu import VtuWriter
-from tmc_vem.support.parallel import on_every_rank, on_root
+from tmc_vem.support.distributed import Vec
+from tmc_vem.support.parallel import from_root, on_every_rank, on_root
 from tmc_vem.support.units import Units
+from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.fields import Fields, Polygons, write_pvd, write_pvtu
-from tmc_vem.system.places import Located
-
-Float = NDArray[np.float64]
-Int = NDArray[np.int64]
 
 
-class FieldSource(Protocol):
-    """What a discretisation offers for output, for the cells of this rank."""
-
-    comm: Any
-
-    def locate(self, points_nx: Float) -> Located:
-        """Points (n, 2) in this rank's cells."""
-
-    def nodal_values(self, u: Any) -> Float:
-        """Values (n_nodes, 2) of this rank's nodes, ghosts included."""
-
-    def output_polygons(self) -> Polygons:
-        """The cells as polygons through all nodes of their boundary."""
-
-    def output_displacements(self, u: Any) -> Float:
-        """(n_points, 2) displacements of the polygons' points."""
-
-    def cell_numbers(self) -> Int:
-        """(n_cells,) numbers in the whole mesh."""
-
-    def dense_jacobians(self, u: Any) -> Float:
-        """(n_cells,) smallest J on a grid much finer than the quadrature's."""
-
-    def cell_energies(self, u: Any) -> Float:
-        """(n_cells,) energies."""
-
-    def cell_areas(self) -> Float:
-        """(n_cells,) reference areas."""
-
-    def cell_jacobians(self, u: Any) -> tuple[Float, Float]:
-        """(n_cells,) mean and smallest J."""
-
-
-def polygons_of(source: FieldSource, media: Sequence[str]) -> Polygons:
+def polygons_of(system: Discretisation, media: Sequence[str]) -> Polygons:
     """This rank's cells, of which those in the regions ``media`` are third medium."""
-    return replace(source.output_polygons(), media=tuple(media))
+    return replace(system.output_polygons(), media=tuple(media))
 
 
-def fields_of(source: FieldSource, u: Any, polygons: Polygons) -> Fields:
+def fields_of(system: Discretisation, u: Vec, polygons: Polygons) -> Fields:
     """Fields of this rank's cells at state ``u``."""
-    mean_j, min_j = source.cell_jacobians(u)
+    mean_j, min_j = system.cell_jacobians(u)
     return Fields(
         polygons=polygons,
-        displacement_ni=source.output_displacements(u),
+        displacement_ni=system.output_displacements(u),
         jacobian_c=mean_j,
         min_jacobian_c=min_j,
-        energy_density_c=source.cell_energies(u) / source.cell_areas(),
+        energy_density_c=system.cell_energies(u) / system.cell_areas(),
     )
 
 
-def gather_fields(source: FieldSource, u: Any, media: Sequence[str]) -> Fields | None:
+def gather_fields(system: Discretisation, u: Vec, media: Sequence[str]) -> Fields | None:
     """Fields of all cells on rank 0, None elsewhere; those in the regions ``media`` are third medium."""
-    mine = fields_of(source, u, polygons_of(source, media))
-    parts = [mine] if source.comm.size == 1 else source.comm.gather(mine)
+    mine = fields_of(system, u, polygons_of(system, media))
+    parts = [mine] if system.comm.size == 1 else system.comm.gather(mine)
     return Fields.merge(parts) if parts else None
 
 
@@ -83,7 +45,7 @@ class SnapshotWriter:
     """Writes VTU files of selected load steps, a piece a rank, and the PVD collection that ParaView opens.
 
     Args:
-        source: the discretisation.
+        system: the discretisation.
         directory: run directory.
         loads: coordinates along the load path; the first converged step at or past each is written.
         media: names of the regions of third medium.
@@ -93,19 +55,19 @@ class SnapshotWriter:
     """
 
     def __init__(
-        self, source: FieldSource, directory: Path, loads: tuple[float, ...], media: Sequence[str],
+        self, system: Discretisation, directory: Path, loads: tuple[float, ...], media: Sequence[str],
         units: Units | None = None, *, triangulated: bool = False, order: int = 2,
     ) -> None:  # fmt: skip
-        self.source = source
+        self._system = system
         self.directory = directory
         self._pending = sorted(loads)
         self.entries: list[tuple[float, list[str]]] = []
-        self._polygons = polygons_of(source, media)
+        self._polygons = polygons_of(system, media)
         self._units = units or Units()
         self._writer = VtuWriter(self._polygons, self._units)
         self._parts: SubTriangles | None = None
         if triangulated:
-            self._parts = on_every_rank(source.comm, lambda: SubTriangles(source, self._polygons, order))
+            self._parts = on_every_rank(system.comm, lambda: SubTriangles(system, self._polygons, order))
             self._part_writer = VtuWriter(self._parts.polygons, self._units)
 
     def restore(self, entries: Sequence[Sequence[Any]]) -> None:
@@ -113,10 +75,10 @@ class SnapshotWriter:
 
         After a power cut the latest of them may be missing or empty: those are left out of the collection.
         """
-        comm, plain = self.source.comm, [(float(load), list(names)) for load, names in entries]
+        comm, plain = self._system.comm, [(float(load), list(names)) for load, names in entries]
         reached = plain[-1][0] if plain else 0.0
         self._pending = [wanted for wanted in self._pending if wanted > reached + 1e-9]
-        self.entries = comm.bcast(on_root(comm, lambda: [entry for entry in plain if self._is_there(entry[1])]))
+        self.entries = from_root(comm, lambda: [entry for entry in plain if self._is_there(entry[1])])
         if plain:
             on_root(comm, self._collect)
 
@@ -125,18 +87,18 @@ class SnapshotWriter:
         pieces = [piece for file in files if file.suffix == ".pvtu" for piece in file.parent.glob(f"{file.stem}_*.vtu")]
         return all(file.is_file() and file.stat().st_size > 0 for file in (*files, *pieces))
 
-    def offer(self, step: int, load: float, u: Any) -> None:
+    def offer(self, step: int, load: float, u: Vec) -> None:
         """Write this step if one of the selected loads has been reached; called on all ranks."""
         if self._pending and load >= self._pending[0] - 1e-9:
             self.write(step, load, u)
 
-    def write(self, step: int, load: float, u: Any) -> None:
+    def write(self, step: int, load: float, u: Vec) -> None:
         """Write this step unless it is there already; called on all ranks."""
         if self.entries and load <= self.entries[-1][0]:
             return
         self._pending = [wanted for wanted in self._pending if wanted > load + 1e-9]
-        comm = self.source.comm
-        fields = fields_of(self.source, u, self._polygons)
+        comm = self._system.comm
+        fields = fields_of(self._system, u, self._polygons)
         whole = self._write_pieces(f"step_{step:05d}", self._writer, fields)
         self.entries.append((load, [whole]))
         if self._parts is not None:
@@ -148,7 +110,7 @@ class SnapshotWriter:
 
     def _write_pieces(self, name: str, writer: VtuWriter, fields: Fields) -> str:
         """Write a state, a piece a rank; the name of the file that holds or names all of it."""
-        comm, here = self.source.comm, self.directory / FIELDS
+        comm, here = self._system.comm, self.directory / FIELDS
         whole = f"{name}.{'vtu' if comm.size == 1 else 'pvtu'}"
         pieces = [f"{name}_{rank}.vtu" for rank in range(comm.size)] if comm.size > 1 else [whole]
         on_every_rank(comm, lambda: writer.write(here / pieces[comm.rank], fields))

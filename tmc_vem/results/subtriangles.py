@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.support.distributed import Vec
 from tmc_vem.support.vtk_types import POLYGON, cell_types
+from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.fields import Polygons
-from tmc_vem.system.places import Located
 from tmc_vem.vem.spaces.quadrature import sub_triangles
 from tmc_vem.vem.spaces.triangulation import equal_topologies
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
-
-
-class PointSource(Protocol):
-    """What a discretisation offers to evaluate states, for the cells of this rank."""
-
-    def locate(self, points_nx: Float) -> Located:
-        """Points (n, 2) in this rank's cells."""
-
-    def nodal_values(self, u: Any) -> Float:
-        """Values (n_nodes, 2) of this rank's nodes, ghosts included."""
-
-    def output_displacements(self, u: Any) -> Float:
-        """(n_points, 2) displacements of the points of the cells' polygons."""
 
 
 class SubTriangles:
@@ -45,7 +31,7 @@ class SubTriangles:
         cell_t: (n,) cell of ``polygons`` given that each of them is a part of.
     """
 
-    def __init__(self, system: PointSource, polygons: Polygons, order: int) -> None:
+    def __init__(self, system: Discretisation, polygons: Polygons, order: int) -> None:
         self._system = system
         types = cell_types(polygons.points_nx, polygons.offsets, polygons.connectivity)
         sizes = np.diff(polygons.offsets)
@@ -83,7 +69,7 @@ class SubTriangles:
             media=polygons.media,
         )
 
-    def displacements(self, u: Any) -> Float:
+    def displacements(self, u: Vec) -> Float:
         """Displacements (n_points, 2) of the points of the cut cells."""
         outer = self._system.output_displacements(u)
         inner = self._inner if self._weights is None else self._weights @ self._system.nodal_values(u)

@@ -6,8 +6,10 @@ import resource
 from collections.abc import Mapping
 from typing import Any
 
+from tmc_vem.support.distributed import Comm
 
-def balance(comm: Any, work: Mapping[str, float]) -> dict[str, Any]:
+
+def balance(comm: Comm, work: Mapping[str, float]) -> dict[str, Any]:
     """Imbalance and memory over all ranks.
 
     Args:

@@ -9,16 +9,19 @@ from typing import Any
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.base import Problem, RegionEnergy
 from tmc_vem.simulation.options import RunOptions
+from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.memory import reuse_freed
 from tmc_vem.support.parallel import on_every_rank
+from tmc_vem.system.discretisation import Discretisation
 
 # Work of a medium's cell relative to a solid's: second derivatives make its tangent 3 times as dear.
 MEDIUM_COST = 2.5
 
 
 def discretise(
-    problem: Problem, options: RunOptions, comm: Any, on_mesh: Callable[[PolygonMesh], object] | None = None
-) -> Any:
+    problem: Problem, options: RunOptions, comm: Comm, on_mesh: Callable[[PolygonMesh], object] | None = None
+) -> Discretisation:
     """The discretised system of a problem; kernels or forms are compiled if they are not in the cache.
 
     Args:
@@ -52,10 +55,11 @@ def discretise(
     )
     costs = {name: MEDIUM_COST for name, region in problem.regions().items() if region.is_medium}
     mesh = distribute(comm, make_mesh, costs)
+    reuse_freed()
     return VemSystem(mesh, kernels, problem.prescribed(), options.element)
 
 
-def require_finite_start(system: Any, problem: Problem) -> None:
+def require_finite_start(system: Discretisation, problem: Problem) -> None:
     """Check that energies and stresses can be computed before anything is deformed.
 
     Raises:

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem
 from tmc_vem.problems.probes import AXES, Displacement, Gap, MeanJ, Place, Position, Reaction, check_probes
+from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import COMPONENTS
+from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.places import Places
 
 Float = NDArray[np.float64]
@@ -30,7 +32,7 @@ class Gauge:
         InputError: a probe has a reserved name, or refers to a point, place or region that is not there.
     """
 
-    def __init__(self, problem: Problem, system: Any) -> None:
+    def __init__(self, problem: Problem, system: Discretisation) -> None:
         self.probes = dict(problem.probes())
         check_probes(self.probes, problem.prescribed(), tuple(problem.regions()))
         self._system = system
@@ -51,7 +53,7 @@ class Gauge:
             self._region_c = np.array(polygons.region_names)[polygons.region_c]
             self._area_c = system.cell_areas()
 
-    def read(self, u: Any, residual: Any, behind: Behind | None = None) -> dict[str, float]:
+    def read(self, u: Vec, residual: Vec, behind: Behind | None = None) -> dict[str, float]:
         """Values of the probes at a state with its residual, equal on all ranks.
 
         Args:
@@ -80,7 +82,7 @@ class Gauge:
         distance = float(np.hypot(*(places[0] - places[1])))
         return -distance if behind and behind(origins, places) else distance
 
-    def _means(self, u: Any) -> dict[str, float]:
+    def _means(self, u: Vec) -> dict[str, float]:
         """Mean of J by region, for the regions that are asked for."""
         if self._region_c is None or self._area_c is None:
             return {}

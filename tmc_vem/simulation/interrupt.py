@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
+from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import TmcError
 
 
@@ -24,7 +25,7 @@ class Interrupted(TmcError):
 class StopRequest:
     """Remembers a signal until all ranks can act on it together."""
 
-    def __init__(self, comm: Any) -> None:
+    def __init__(self, comm: Comm) -> None:
         self._comm = comm
         self._number = 0
 
@@ -45,7 +46,7 @@ class StopRequest:
 
 
 @contextmanager
-def stop_requests(comm: Any) -> Iterator[StopRequest]:
+def stop_requests(comm: Comm) -> Iterator[StopRequest]:
     """Catch SIGINT and SIGTERM for the length of a run (in the main thread; elsewhere nothing is caught)."""
     request = StopRequest(comm)
     before: dict[int, Any] = {}

@@ -10,7 +10,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +18,11 @@ from tmc_vem.mesh.locate import TOLERANCE
 from tmc_vem.results.contact.contact import Overlap, find_overlap
 from tmc_vem.results.contact.rings import Change, Rings
 from tmc_vem.results.contact.solids import Chains, Solids, covered
-from tmc_vem.results.output import FieldSource, polygons_of
+from tmc_vem.results.output import polygons_of
 from tmc_vem.results.records import StepRecord
-from tmc_vem.support.parallel import on_root
-from tmc_vem.system.discretisation import Evaluation
+from tmc_vem.support.distributed import Vec
+from tmc_vem.support.parallel import from_root
+from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Fields, Polygons
 
 Float = NDArray[np.float64]
@@ -39,10 +39,8 @@ PER_THICKNESS, MOST_BETWEEN = 4.0, 64  # states that are looked at there, per th
 REMEDY = "Try smaller cells and more medium around that place, rounded corners, or a larger alpha_r"
 
 
-class Watched(FieldSource, Protocol):
-    """What a discretisation offers for this check, besides its fields."""
-
-    size: float
+def _unknown(_: Place | None) -> str | None:
+    return None
 
 
 @dataclass(frozen=True)
@@ -54,12 +52,15 @@ class Refusal:
         cells: numbers in the mesh of the two cells, of the body that goes in and of the one that it goes into.
         regions: their regions.
         passed: the bodies are apart again, but on the other side of each other.
+        cause: a sentence about the cause that is known for bodies to overlap at a place, or None; asked on all ranks
+            together.
     """
 
     overlap: Overlap
     cells: tuple[int, ...] = ()
     regions: tuple[str, ...] = ()
     passed: bool = False
+    cause: Callable[[Place | None], str | None] = _unknown
 
     def sentence(self) -> str:
         """What is wrong with the state, and where."""
@@ -75,6 +76,11 @@ class Refusal:
             f"cell {other[0]} of '{self.regions[1]}'"
         )
 
+    def advice(self) -> str:
+        """The cause that is known, or what helps in most cases; called by all ranks together."""
+        cause = self.cause(self.overlap.origin)
+        return f"Known cause: {cause}" if cause else REMEDY
+
 
 class OverlapWatch:
     """Looks whether solids overlap; made, and asked, by all ranks together.
@@ -88,23 +94,21 @@ class OverlapWatch:
             and what to do about it, or None; asked on all ranks together, once a run ends for it.
 
     Attributes:
-        refused: the last state that was refused since :meth:`accepted`, or None.
         crossed: whether outlines have crossed in a state that was not refused, so that gaps have a sign from then on.
     """
 
     def __init__(
-        self, system: Watched, media: Sequence[str], order: int, *, tolerated: bool = False,
-        cause: Callable[[Place | None], str | None] = lambda _: None,
+        self, system: Discretisation, media: Sequence[str], order: int, *, tolerated: bool = False,
+        cause: Callable[[Place | None], str | None] = _unknown,
     ) -> None:  # fmt: skip
         self._system, self._media, self._order, self._tolerated = system, tuple(media), order, tolerated
         self._cause = cause
         self._outline: _Outline | None = None
         self.is_active = False
-        self.refused: Refusal | None = None
         self.crossed = False
 
-    def refusal(self, u: Any, evaluation: Evaluation) -> str:
-        """Why a converged state is no equilibrium of the problem, or nothing.
+    def refusal(self, u: Vec, evaluation: Evaluation) -> Refusal | None:
+        """Why a converged state is no equilibrium of the problem, or None.
 
         Args:
             u: the state.
@@ -113,17 +117,17 @@ class OverlapWatch:
         squeezed = [evaluation.regions[name].min_j < SQUEEZED for name in self._media if name in evaluation.regions]
         self.is_active = self.is_active or any(squeezed)
         if not self.is_active:
-            return ""
+            return None
         return self._verdict(self._watched().look(u))
 
-    def refusal_of_jump(self, before: Any, after: Any) -> str:
-        """Why a state on another branch cannot have been reached from the one before, or nothing.
+    def refusal_of_jump(self, before: Vec, after: Vec) -> Refusal | None:
+        """Why a state on another branch cannot have been reached from the one before, or None.
 
         Bodies that are on the other side of each other do not overlap. What is looked at are states on the straight
         line between both.
         """
         if not self._media:
-            return ""
+            return None
         return self._verdict(self._watched().between(before, after))
 
     def go_on(self, history: Sequence[StepRecord]) -> None:
@@ -131,18 +135,7 @@ class OverlapWatch:
         self.is_active = any(record.min_j[name] < SQUEEZED for record in history for name in self._media)
         self.crossed = any(record.gap is not None and record.gap < 0.0 for record in history)
 
-    def accepted(self) -> None:
-        """The run goes on from the state that was looked at last."""
-        self.refused = None
-
-    def complaint(self) -> tuple[str, str] | None:
-        """The last refusal since a state was taken, and what to do about it; None if there was none."""
-        if self.refused is None:
-            return None
-        cause = self._cause(self.refused.overlap.origin)
-        return self.refused.sentence(), f"Known cause: {cause}" if cause else REMEDY
-
-    def behind(self, u: Any, origins: Sequence[Float], places: Sequence[Float]) -> bool:
+    def behind(self, u: Vec, origins: Sequence[Float], places: Sequence[Float]) -> bool:
         """Whether the second of two points is behind the surface of the first one, where surfaces have crossed.
 
         Args:
@@ -151,18 +144,17 @@ class OverlapWatch:
         """
         return self.crossed and self._watched().behind(u, origins, places)
 
-    def closely(self, u: Any) -> Refusal | None:
+    def closely(self, u: Vec) -> Refusal | None:
         """What is to be said about a state that is looked at cell by cell, whatever its outline says."""
         return self._watched().closely(u)
 
-    def _verdict(self, found: Refusal | None) -> str:
+    def _verdict(self, found: Refusal | None) -> Refusal | None:
         if found is None:
-            return ""
+            return None
         if self._tolerated or not (found.passed or found.overlap.exceeds(self._system.size)):
             self.crossed = True
-            return ""
-        self.refused = found
-        return found.sentence()
+            return None
+        return replace(found, cause=self._cause)
 
     def _watched(self) -> _Outline:
         if self._outline is None:
@@ -173,12 +165,12 @@ class OverlapWatch:
 class _Outline:
     """The outline of all solids on rank 0, and which of its points each rank has."""
 
-    def __init__(self, system: Watched, media: Sequence[str], order: int) -> None:
+    def __init__(self, system: Discretisation, media: Sequence[str], order: int) -> None:
         self._system, self._order = system, order
         mine = polygons_of(system, media)
         parts = system.comm.gather((mine, system.cell_numbers()))
         self._polygons: Polygons | None = None
-        wanted: list[Int] | None = None
+        wanted: list[Int] = []
         if parts is not None:
             first = np.cumsum([0, *(len(part.points_nx) for part, _ in parts)])
             still = Fields.merge([_fields(part, np.zeros_like(part.points_nx)) for part, _ in parts])
@@ -191,19 +183,19 @@ class _Outline:
             wanted = [used[(used >= a) & (used < b)] - a for a, b in itertools.pairwise(first)]
         self._mine: Int = system.comm.scatter(wanted)
 
-    def look(self, u: Any) -> Refusal | None:
+    def look(self, u: Vec) -> Refusal | None:
         """What is to be said about a state, or None if every body is as it should be; equal on all ranks."""
         comm, sides = self._system.comm, self._sides(u)
-        change = comm.bcast(on_root(comm, lambda: self._rings.compare(sides) if self._rings else Change.NONE))
+        change = from_root(comm, lambda: self._rings.compare(sides) if self._rings else Change.NONE)
         if change is Change.NONE:
             return None
         found = self.closely(u)
         return Refusal(Overlap(), passed=True) if found is None and change is Change.NESTED else found
 
-    def between(self, before: Any, after: Any) -> Refusal | None:
+    def between(self, before: Vec, after: Vec) -> Refusal | None:
         """The same about the states on the straight line between two; None if bodies do not pass through each other."""
         ends, comm = [self._sides(u) for u in (before, after)], self._system.comm
-        share = comm.bcast(on_root(comm, lambda: self._passing(ends[0], ends[1])))
+        share = from_root(comm, lambda: self._passing(ends[0], ends[1]))
         if share is None:
             return None
         u = after.copy()
@@ -212,7 +204,7 @@ class _Outline:
         u.destroy()
         return replace(found, passed=True)
 
-    def behind(self, u: Any, origins: Sequence[Float], places: Sequence[Float]) -> bool:
+    def behind(self, u: Vec, origins: Sequence[Float], places: Sequence[Float]) -> bool:
         """Whether the second of two points is behind the surface of the first one, as for a gap."""
         comm, sides = self._system.comm, self._sides(u)
 
@@ -224,8 +216,7 @@ class _Outline:
                     return bool(before > 0.0 > (places[second] - places[first]) @ _normal(sides[on]))
             return False
 
-        found: bool = comm.bcast(on_root(comm, decide))
-        return found
+        return from_root(comm, decide)
 
     def _at(self, point_x: Float) -> Int:
         """Sides of the outline that a point (2,) of the reference state is on."""
@@ -245,7 +236,7 @@ class _Outline:
         before = solids.chains(outline).before
         return Rings(before, solids.ends[outline]), before, solids.weights, solids.side_nodes[outline]
 
-    def _sides(self, u: Any) -> Float:
+    def _sides(self, u: Vec) -> Float:
         """(n_sides, m + 1, 2) points along the outline's sides, on rank 0."""
         parts = self._system.comm.gather(self._system.output_displacements(u)[self._mine])
         if parts is None:
@@ -270,12 +261,11 @@ class _Outline:
                     return float(share)
         return None
 
-    def closely(self, u: Any) -> Refusal | None:
+    def closely(self, u: Vec) -> Refusal | None:
         """The state cell by cell."""
         comm = self._system.comm
         parts = comm.gather(self._system.output_displacements(u))
-        found: Refusal | None = comm.bcast(on_root(comm, lambda: self._refusal(np.concatenate(parts or []))))
-        return found
+        return from_root(comm, lambda: self._refusal(np.concatenate(parts or [])))
 
     def _refusal(self, displacement_ni: Float) -> Refusal | None:
         assert self._polygons is not None

@@ -8,8 +8,9 @@ from typing import Any
 
 from tmc_vem.problems.base import Problem
 from tmc_vem.simulation.options import RunOptions
-from tmc_vem.solve.path import Control, ControlPath
+from tmc_vem.solve.path import ControlPath
 from tmc_vem.support.errors import InputError
+from tmc_vem.system.control import Control
 
 # How long a branch may be, in units of the load, with fields written along all of it.
 LONGEST_BRANCH = 10

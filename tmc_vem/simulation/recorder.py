@@ -30,10 +30,13 @@ from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.overlap import OverlapWatch
 from tmc_vem.simulation.provenance import versions
 from tmc_vem.solve.states import States
-from tmc_vem.solve.stepping import Position, Step, SteppingResult
+from tmc_vem.solve.stepping import Step, StepperState, SteppingResult
+from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import TmcError
 from tmc_vem.support.parallel import on_every_rank, on_root
 from tmc_vem.support.timing import Timer
+from tmc_vem.system.control import Control
+from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.fields import Fields
 
 Float = NDArray[np.float64]
@@ -57,7 +60,7 @@ class Recorder:
     """
 
     def __init__(
-        self, problem: Problem, system: Any, gauge: Gauge, inputs: Mapping[str, Any],
+        self, problem: Problem, system: Discretisation, gauge: Gauge, inputs: Mapping[str, Any],
         directory: RunDirectory | None, times: Sequence[float], checkpoint_every: int, monitor: Monitor, timer: Timer,
         watch: OverlapWatch, *, triangulated: bool = False,
     ) -> None:  # fmt: skip
@@ -81,16 +84,17 @@ class Recorder:
                 order=self._order,
             )  # fmt: skip
 
-    def record(self, step: Step, states: States, position: Position, residual: Any) -> None:
+    def record(self, step: Step, states: States, position: StepperState) -> None:
         """Record a converged step; called on all ranks."""
-        u = states.vectors[-1]
+        u, residual = states.vectors[-1], step.newton.residual
+        assert residual is not None  # it has converged
         load = self.problem.load()
         regions = step.newton.evaluation.regions
         with self.timer("tables"):
             record = StepRecord(
                 step=step.number,
                 load=step.load,
-                displacement=step.load * load.value,
+                displacement=load.at(step.control),
                 probes=self.gauge.read(u, residual, functools.partial(self.watch.behind, u)),
                 reaction=self.system.reaction(residual, load.where, load.component),
                 iterations=len(step.newton.iterations),
@@ -103,10 +107,9 @@ class Recorder:
                 seconds=self._seconds_before + self.timer.report()["total"],
                 time=step.time,
                 parameters=step.control.parameters,
-                load_force=self._load_force(residual),
+                load_force=self._load_force(residual, step.control),
             )
             self._add_to_history(record)
-            self.watch.accepted()
         if self._snapshots is not None:
             with self.timer("snapshots"), _reported(self._snapshots.directory):
                 self._snapshots.offer(step.number, step.time, u)
@@ -132,7 +135,7 @@ class Recorder:
                 ),
             )
 
-    def restore(self, u: Any) -> tuple[States, Position]:
+    def restore(self, u: Vec) -> tuple[States, StepperState]:
         """Go on from the last checkpoint of the run directory: fill ``u``; the last states and the position.
 
         Raises:
@@ -157,7 +160,7 @@ class Recorder:
             self._snapshots.restore(facts["snapshots"])
         position = dict(facts["position"])
         position["stiffer"] = tuple(tuple(pair) for pair in position["stiffer"])
-        return states, Position(**position)
+        return states, StepperState(**position)
 
     def begin(self, *, locked: bool) -> None:
         """Say in the run directory what the run is; called on all ranks.
@@ -171,7 +174,7 @@ class Recorder:
                 "versions": versions(self.system.comm.size),
                 "n_cells": self.system.n_cells_global,
                 "n_dofs": self.system.n_dofs,
-                "projection_degrees": {str(space): n for space, n in self.system.projection_degrees().items()},
+                "projection_degrees": self.system.projection_degrees(),
                 "media": tuple(media_of(self.problem)),
             }
         if self.directory is not None:
@@ -179,9 +182,7 @@ class Recorder:
             with _reported(directory.path):
                 on_root(self.system.comm, lambda: directory.begin({**self._facts, "units": units}, locked=locked))
 
-    def finish(
-        self, outcome: SteppingResult, u: Any, residual: Any, linear: Mapping[str, Any], *, cut_short: bool = False
-    ) -> RunResult:
+    def finish(self, outcome: SteppingResult, u: Vec, solver: str, *, cut_short: bool = False) -> RunResult:
         """Check the last state, draw it and write result.json.
 
         The check for interpenetration and the picture need the whole state on rank 0.
@@ -189,14 +190,14 @@ class Recorder:
         Args:
             outcome: how the load stepping ended.
             u: the last converged state.
-            residual: work vector, overwritten.
-            linear: name of the linear solver and its iterations.
+            solver: name of the linear solver.
             cut_short: a limit on work has ended the stepping.
         """
         if self._snapshots is not None and self.history:
             with self.timer("snapshots"), _reported(self._snapshots.directory):
                 self._snapshots.write(self.history[-1].step, self.history[-1].coordinate, u)
         with self.timer("check"):
+            residual = self.system.create_vector()
             self.system.residual(u, residual)
             imbalance = self._imbalance(residual)
             share = self.system.cell_energies(u).sum() - self.system.cell_energies(u, without="alpha_r").sum()
@@ -215,6 +216,7 @@ class Recorder:
             with self.timer("picture"):
                 self._draw(fields, self.directory.path / PICTURE)
         history = self.history
+        linear = {"solver": solver, "linear_iterations": outcome.linear_iterations}
         media = media_of(self.problem)
         evidence = Evidence(self.inputs, history, checks, media, self.system.size, outcome.complete)
         findings = by_weight([*findings_of(evidence), *self.findings])
@@ -226,7 +228,7 @@ class Recorder:
             newton_iterations=sum(r.iterations + r.wasted_iterations for r in history) + outcome.failed_iterations,
             cut_backs=sum(r.cut_backs for r in history) + outcome.failed_attempts,
             checks=checks,
-            parallel=balance(self.system.comm, self.system.work()) | dict(linear),
+            parallel=balance(self.system.comm, self.system.work()) | linear,
             errors=[finding.text for finding in findings if finding.severity == ERROR],
             warnings=[finding.text for finding in findings if finding.severity == WARNING],
             seconds=self.timer.report(),
@@ -250,7 +252,7 @@ class Recorder:
             text = f"{path.name} could not be written: {error.strerror or error}"
             self.findings.append(Finding(WARNING, text))
 
-    def step_failed(self, u: Any) -> None:
+    def step_failed(self, u: Vec) -> None:
         """A step from a converged state has failed: count the cells that are inverted between their quadrature points.
 
         Where a corner goes through the medium, they are the first sign of it. Called on all ranks.
@@ -262,7 +264,7 @@ class Recorder:
         if count:
             self._inverted = {"inverted_from": self.history[-1].load if self.history else 0.0}
 
-    def _count_inverted(self, u: Any) -> dict[str, int]:
+    def _count_inverted(self, u: Vec) -> dict[str, int]:
         """Cells in which J is not positive on a dense grid, by region, for the regions that have any."""
         polygons = self.system.output_polygons()
         inverted = polygons.region_c[~(self.system.dense_jacobians(u) > 0.0)]
@@ -270,12 +272,12 @@ class Recorder:
         count = np.sum(self.system.comm.allgather(mine), axis=0).tolist()
         return {name: n for name, n in zip(polygons.region_names, count, strict=True) if n}
 
-    def _load_force(self, residual: Any) -> float:
-        """Work of the prescribed displacements per load factor: they are proportional to it."""
+    def _load_force(self, residual: Vec, position: Control) -> float:
+        """Work of the prescribed displacements per load factor, at a position on the path."""
         values = residual.getArray(readonly=True)[self.system.constrained()]
-        return float(self.system.comm.allreduce(float(values @ self.system.prescribed(1.0))))
+        return float(self.system.comm.allreduce(float(values @ self.system.prescribed_per_load(position))))
 
-    def _imbalance(self, residual: Any) -> float:
+    def _imbalance(self, residual: Vec) -> float:
         """Resultant of all reactions, relative to the largest of them: 0 in equilibrium."""
         values = residual.getArray(readonly=True)
         held = self.system.constrained()
@@ -288,10 +290,9 @@ class Recorder:
 
     @cached_property
     def _node_labels(self) -> Float:
-        labels: Float = self.system.node_labels()
-        return labels
+        return self.system.node_labels()
 
-    def _write_checkpoint(self, states: States, position: Position) -> None:
+    def _write_checkpoint(self, states: States, position: StepperState) -> None:
         """Each rank writes its own nodes; only names and checksums travel to rank 0."""
         assert self.directory is not None
         comm, path = self.system.comm, self.directory.path
@@ -308,7 +309,7 @@ class Recorder:
         durable = comm.bcast(time.monotonic() >= self._durable_until)
         part = None if self._on_root else f"checkpoint-part-{position.number:06d}-{comm.rank}.npz"
         checksum = on_every_rank(comm, lambda: part and mine.write_part(path, part, durable=durable))
-        parts = {key: value for key, value in comm.gather((part, checksum)) or () if key}
+        parts = {key: value for key, value in comm.gather((part, checksum)) or () if key and value}
         on_root(comm, lambda: mine.write(path, parts, durable=durable, keep=self._is_durable))
         self._is_durable = durable
         if durable:
@@ -348,7 +349,7 @@ def _reported(directory: Path) -> Iterator[None]:
         raise TmcError(f"{directory} cannot be written ({reason}){after}") from error
 
 
-def _nodal(vector: Any) -> Float:
+def _nodal(vector: Vec) -> Float:
     values: Float = vector.getArray(readonly=True).reshape(-1, 2).copy()
     return values
 

@@ -15,13 +15,17 @@ from numpy.typing import NDArray
 from tmc_vem.problems.base import Problem
 from tmc_vem.simulation.discretised import discretise
 from tmc_vem.simulation.options import RunOptions
+from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import InputError
+from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.places import Places
 
 Float = NDArray[np.float64]
 
 
-def last_state(problem: Problem, directory: str | Path, options: RunOptions | None = None) -> tuple[Any, Any]:
+def last_state(
+    problem: Problem, directory: str | Path, options: RunOptions | None = None
+) -> tuple[Discretisation, Vec]:
     """The discretisation of a run and the displacements of its last checkpoint, as a vector of it.
 
     Args:
@@ -42,7 +46,7 @@ def last_state(problem: Problem, directory: str | Path, options: RunOptions | No
     return system, u
 
 
-def displacement_at(system: Any, u: Any, points_nx: Float) -> Float:
+def displacement_at(system: Discretisation, u: Vec, points_nx: Float) -> Float:
     """Displacements (n, 2) of a state at points (n, 2) of the reference configuration, equal on all ranks.
 
     Args:
@@ -56,7 +60,7 @@ def displacement_at(system: Any, u: Any, points_nx: Float) -> Float:
     return Places(system, points_nx).displacements(u)
 
 
-def onto_function(system: Any, u: Any, function: Any) -> None:
+def onto_function(system: Discretisation, u: Vec, function: Any) -> None:
     """Set a dolfinx function of a vector-valued Lagrange space to a virtual element state, by its values at the nodes.
 
     Raises:

@@ -19,9 +19,11 @@ from tmc_vem.simulation.discretised import discretise, require_finite_start
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.plan import control_path, order_of, run_inputs, snapshot_times
+from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError, TmcError
 from tmc_vem.support.parallel import on_root
 from tmc_vem.support.timing import Timer
+from tmc_vem.system.discretisation import Discretisation
 
 if TYPE_CHECKING:
     from tmc_vem.results.lock import DirectoryLock
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from tmc_vem.simulation.recorder import Recorder
     from tmc_vem.solve.arclength import ArcLengthStepper
     from tmc_vem.solve.budget import Budget
-    from tmc_vem.solve.newton import NewtonSolver
+    from tmc_vem.solve.newton import Iteration, NewtonSolver
     from tmc_vem.solve.path import ControlPath
     from tmc_vem.solve.stepping import LoadStepper, SteppingOptions, SteppingResult
 
@@ -39,7 +41,7 @@ def run(
     out: str | Path | None = None,
     options: RunOptions | None = None,
     *,
-    comm: Any = None,
+    comm: Comm | None = None,
     monitor: Monitor | None = None,
     resume: bool = False,
     command: Mapping[str, Any] | None = None,
@@ -72,7 +74,7 @@ def prepare(
     out: str | Path | None = None,
     options: RunOptions | None = None,
     *,
-    comm: Any = None,
+    comm: Comm | None = None,
     monitor: Monitor | None = None,
     resume: bool = False,
     command: Mapping[str, Any] | None = None,
@@ -140,7 +142,7 @@ class Simulation:
         problem: what is solved.
         options: how.
         system: its discretisation; vectors, residual and tangent are PETSc's, see
-            :class:`tmc_vem.system.discretisation.NonlinearSystem`.
+            :class:`tmc_vem.system.discretisation.Discretisation`.
         hints: sentences about known causes of trouble that the problem has, which the result will have as warnings.
         comm: MPI communicator.
         directory: where the run will be written, or None.
@@ -156,9 +158,9 @@ class Simulation:
 
     problem: Problem
     options: RunOptions
-    system: Any
+    system: Discretisation
     hints: tuple[str, ...]
-    comm: Any
+    comm: Comm
     directory: RunDirectory | None
     monitor: Monitor
     timer: Timer
@@ -173,12 +175,12 @@ class Simulation:
     @property
     def n_cells(self) -> int:
         """Cells of the whole mesh."""
-        return int(self.system.n_cells_global)
+        return self.system.n_cells_global
 
     @property
     def n_dofs(self) -> int:
         """Displacement degrees of freedom, constrained ones included."""
-        return int(self.system.n_dofs)
+        return self.system.n_dofs
 
     def go(self) -> RunResult:
         """Go through the load steps and write the result; called on all ranks together.
@@ -235,8 +237,7 @@ class Simulation:
             except TmcError:
                 monitor.aborted()
                 raise
-        linear = {"solver": self.options.solver, "linear_iterations": self.solver.linear_iterations}
-        return recorder.finish(outcome, u, self.solver.residual, linear, cut_short=budget.used_up)
+        return recorder.finish(outcome, u, self.options.solver, cut_short=budget.used_up)
 
     def _begin_directory(self, lock: DirectoryLock | None) -> None:
         """Empty the run directory, unless the run goes on, and take down what is to be said about run and problem."""
@@ -257,20 +258,16 @@ class Simulation:
 
         solver, recorder, largest = self.solver, self.recorder, self.options.largest_step
 
-        def on_iteration(iteration: Any) -> None:
-            self.monitor.iterated(solver.iterations_done, iteration.residual)
+        def on_iteration(iteration: Iteration, done: int) -> None:
+            self.monitor.iterated(done, iteration.residual)
             stop.check()
             budget.spend()
 
-        def on_step(step: Any, states: Any, at: Any) -> None:
-            recorder.record(step, states, at, solver.residual)
-
-        solver.on_iteration = on_iteration
         if self.options.follow:
             arc = ArcOptions(largest=largest, first=min(ArcOptions.first, largest))
-            return ArcLengthStepper(solver, arc, on_step)
+            return ArcLengthStepper(solver, arc, recorder.record, on_iteration)
         gamma = _gamma(self.problem)
-        return LoadStepper(solver, self.stepping, on_step, self.path, gamma, recorder.step_failed)
+        return LoadStepper(solver, self.stepping, recorder.record, self.path, gamma, recorder.step_failed, on_iteration)
 
     def _end_early(self, error: BaseException) -> None:
         """Say in the run directory why there will be no result."""

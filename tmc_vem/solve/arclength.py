@@ -9,18 +9,17 @@ the nodes, relative to the largest prescribed one, so that the load factor and t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from tmc_vem.solve.budget import OutOfBudget
-from tmc_vem.solve.newton import TO_THE_BOUNDARY, Iteration, NewtonResult, NewtonSolver
-from tmc_vem.solve.path import Control
+from tmc_vem.solve.newton import TO_THE_BOUNDARY, Iteration, NewtonResult, NewtonSolver, OnIteration
 from tmc_vem.solve.states import States
-from tmc_vem.solve.stepping import Position, Step, SteppingResult
+from tmc_vem.solve.stepping import OnStep, Step, StepperState, SteppingResult
+from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import InputError
+from tmc_vem.system.control import Control
 
 # A residual that grows by this factor in one correction is on its way to nowhere.
 DIVERGED = 1e3
@@ -65,12 +64,14 @@ class ArcLengthStepper:
     Args:
         solver: Newton's method for the system, whose matrix and factorisation are used.
         options: step sizes.
-        on_step: as for :class:`tmc_vem.solve.stepping.LoadStepper`; a step's time is the length of the branch so far.
+        on_step, on_iteration: as for :class:`tmc_vem.solve.stepping.LoadStepper`; a step's time is the length of the
+            branch so far.
     """
 
     solver: NewtonSolver
     options: ArcOptions = field(default_factory=ArcOptions)
-    on_step: Callable[[Step, States, Position], None] | None = None
+    on_step: OnStep | None = None
+    on_iteration: OnIteration | None = None
 
     def __post_init__(self) -> None:
         system = self.solver.system
@@ -79,11 +80,11 @@ class ArcLengthStepper:
         )
         self._tangent_at, self._t_load = math.nan, math.nan
         # the largest prescribed displacement is as long as the load factor 1
-        largest = float(np.abs(system.prescribed(1.0)).max(initial=0.0))
+        largest = float(np.abs(system.prescribed(Control(1.0))).max(initial=0.0))
         largest = max(system.comm.allgather(largest))
         self._weight = 1.0 / (largest or system.size) ** 2
 
-    def run(self, u: Any, states: States | None = None, position: Position | None = None) -> SteppingResult:
+    def run(self, u: Vec, states: States | None = None, position: StepperState | None = None) -> SteppingResult:
         """Follow the branch.
 
         Args:
@@ -91,26 +92,25 @@ class ArcLengthStepper:
             states, position: to go on from, as ``on_step`` was given them; the beginning by default.
         """
         if states is None or position is None:
-            states, position = States(u), Position(size=self.options.first)
+            states, position = States(u), StepperState(size=self.options.first)
             states.append(np.array([0.0, 0.0]), u)  # length of the branch, load factor
-        cut_backs, done = 0, self.solver.iterations_done
+        cut_backs, done, last, refusal = 0, self.solver.iterations_done, None, None
         load = float(states.controls[-1][1])
         try:
             while position.number < self.options.max_steps:
                 result, reached = self._attempt(u, states, position.size)
                 if not result.converged:
-                    cut_backs += 1
+                    cut_backs, refusal = cut_backs + 1, result.refusal or refusal
                     position = replace(position, size=0.5 * position.size)
                     if position.size >= self.options.smallest:
                         continue
                     wasted = self.solver.iterations_done - done
-                    complaint = self.solver.admission.complaint() if self.solver.admission else None
-                    why, remedy = complaint or (result.reason, REMEDY)
+                    why, remedy = (refusal.sentence(), refusal.advice()) if refusal else (result.reason, REMEDY)
                     reason = (
                         f"{why}; smallest {self.solver.system.energy(u).worst}. Tried: steps along the "
                         f"branch down to {self.options.smallest:g}. {remedy}"
                     )
-                    return SteppingResult(load, False, reason, wasted, cut_backs)
+                    return self._ended(load, reason, last, wasted, cut_backs)
                 length = position.time + self._distance(self._trial, u, reached - load)
                 self._trial.copy(u)
                 load = reached
@@ -118,23 +118,35 @@ class ArcLengthStepper:
                 wanted, needed = self.options.target_iterations, max(len(result.iterations), 1)
                 factor = self.options.growth if needed < wanted else max(0.5, wanted / needed)
                 size = min(self.options.largest, position.size * min(factor, 1.0 if cut_backs else factor))
-                position = Position(length, size, position.number + 1)
+                position = StepperState(length, size, position.number + 1)
+                wasted = self.solver.iterations_done - done - len(result.iterations)
+                last = Step(position.number, length, Control(load), result, cut_backs, wasted)
                 if self.on_step:
-                    wasted = self.solver.iterations_done - done - len(result.iterations)
-                    step = Step(position.number, length, Control(load), result, cut_backs, wasted)
-                    self.on_step(step, states, position)
-                cut_backs, done = 0, self.solver.iterations_done
+                    self.on_step(last, states, position)
+                cut_backs, done, refusal = 0, self.solver.iterations_done, None
                 if load == 1.0:
-                    return SteppingResult(1.0, True, "full load")
+                    return self._ended(load, "full load", last, complete=True)
         except OutOfBudget as limit:
-            return SteppingResult(load, False, str(limit), self.solver.iterations_done - done, cut_backs)
-        return SteppingResult(load, False, f"the branch was followed for {self.options.max_steps} steps")
+            return self._ended(load, str(limit), last, self.solver.iterations_done - done, cut_backs)
+        return self._ended(load, f"the branch was followed for {self.options.max_steps} steps", last)
 
-    def _attempt(self, u: Any, states: States, size: float) -> tuple[NewtonResult, float]:
+    def _ended(
+        self,
+        load: float,
+        reason: str,
+        last: Step | None,
+        wasted: int = 0,
+        cut_backs: int = 0,
+        *,
+        complete: bool = False,
+    ) -> SteppingResult:
+        return SteppingResult(load, complete, reason, wasted, cut_backs, last, self.solver.linear_iterations)
+
+    def _attempt(self, u: Vec, states: States, size: float) -> tuple[NewtonResult, float]:
         """One step of a length, into ``trial``: how it converged, and the load factor."""
         load = float(states.controls[-1][1])
         if len(states) == 1:  # the first step is one of load control
-            return self._at(u, load + size, None), load + size
+            return self._at(u, Control(load + size), None), load + size
         t_load = self._set_direction(u, states)
         if not math.isfinite(t_load):
             return NewtonResult(False, "the tangent could not be factorised", self.solver.system.energy(u)), load
@@ -142,15 +154,15 @@ class ArcLengthStepper:
         if target >= 1.0 > load:  # the end of the path is hit exactly, under load control
             share = (1.0 - load) / t_load
             self._trial.waxpy(share, self._direction, u)
-            return self._at(u, 1.0, self._trial), 1.0
+            return self._at(u, Control(1.0), self._trial), 1.0
         return self._correct(u, load, target, t_load, size)
 
-    def _set_direction(self, u: Any, states: States) -> float:
+    def _set_direction(self, u: Vec, states: States) -> float:
         """Unit tangent of the branch, away from the state before; its part of the load factor, NaN if there is none."""
         length = float(states.controls[-1][0])
         if self._tangent_at != length:  # not again for a shorter step from the same state
             self._tangent_at, self._t_load = length, math.nan
-            solved, _ = self.solver.per_load(u, self._direction)
+            solved, _ = self.solver.per_load(u, Control(float(states.controls[-1][1])), self._direction)
             size = math.sqrt(1.0 + self._dot(self._direction, self._direction))
             if solved and math.isfinite(size):
                 change = float(states.controls[-1][1] - states.controls[-2][1])
@@ -160,25 +172,25 @@ class ArcLengthStepper:
                 self._t_load = forward / size
         return self._t_load
 
-    def _distance(self, a: Any, b: Any, load_change: float) -> float:
+    def _distance(self, a: Vec, b: Vec, load_change: float) -> float:
         self._before.waxpy(-1.0, b, a)
         return math.sqrt(load_change**2 + self._dot(self._before, self._before))
 
-    def _dot(self, a: Any, b: Any) -> float:
+    def _dot(self, a: Vec, b: Vec) -> float:
         """Mean product of displacements, relative to the largest prescribed one."""
         return float(a.dot(b) * self._weight / (a.getSize() / 2))
 
-    def _at(self, u: Any, load: float, guess: Any) -> NewtonResult:
+    def _at(self, u: Vec, position: Control, guess: Vec | None) -> NewtonResult:
         """Equilibrium at a given load, from a guess or the tangent predictor."""
         if guess is None:
-            if not self.solver.predict(u, load, self._trial):
+            if not self.solver.predict(u, position, self._trial):
                 evaluation = self.solver.system.energy(u)
                 return NewtonResult(False, f"the predictor inverts the mesh ({evaluation.worst})", evaluation)
         else:
-            self.solver.set_prescribed(self._trial, load)
-        return self.solver.solve(self._trial)
+            self.solver.set_prescribed(self._trial, position)
+        return self.solver.solve(self._trial, on_iteration=self.on_iteration)
 
-    def _correct(self, u: Any, load: float, target: float, t_load: float, size: float) -> tuple[NewtonResult, float]:
+    def _correct(self, u: Vec, load: float, target: float, t_load: float, size: float) -> tuple[NewtonResult, float]:
         """Newton's method for equilibrium and length together, from the predicted state."""
         solver, system = self.solver, self.solver.system
         self._before.set(0.0)
@@ -187,11 +199,12 @@ class ArcLengthStepper:
         if reach < 1.0:
             return NewtonResult(False, "the predictor inverts the mesh", system.energy(u)), load
         self._trial.waxpy(size, self._direction, u)
-        solver.set_prescribed(self._trial, target)
+        solver.set_prescribed(self._trial, Control(target))
         now, iterations, before = target, list[Iteration](), math.inf
         correction, pivots = math.inf, None
         while True:
-            evaluation, residual, reference = solver.evaluate(self._trial)
+            state = solver.evaluate(self._trial)
+            evaluation, residual, reference = state.evaluation, state.free, state.all
             if not evaluation.admissible:
                 return NewtonResult(False, f"inadmissible state ({evaluation.worst})", evaluation, ()), load
             relative = residual / reference if reference else 0.0
@@ -199,14 +212,13 @@ class ArcLengthStepper:
                 if self._distance(self._trial, u, now - load) > STRAIGHT * size:
                     reason = "the branch turns too sharply for the step, or it is another branch"
                     return NewtonResult(False, reason, evaluation, tuple(iterations), pivots), load
-                found = NewtonResult(True, "converged", evaluation, tuple(iterations), pivots)
-                return solver.admitted(self._trial, found), now
+                return solver.converged(self._trial, evaluation, tuple(iterations), pivots), now
             if len(iterations) >= self.options.max_iterations or residual > DIVERGED * before:
                 reason = f"no convergence along the branch in {len(iterations)} iterations (residual {relative:.1e})"
                 return NewtonResult(False, reason, evaluation, tuple(iterations), pivots), load
             before = residual
-            solved, pivots = solver.per_load(self._trial, self._at_load)
-            if not (solved and solver.correction(self._along)):
+            solved, pivots = solver.per_load(self._trial, Control(now), self._at_load)
+            if not (solved and solver.correction(state.residual, self._along)):
                 return NewtonResult(False, "the tangent could not be factorised", evaluation, tuple(iterations)), load
             # du = along + dlambda at_load, chosen so that the length stays as it is
             self._before.waxpy(-1.0, u, self._trial)
@@ -217,7 +229,7 @@ class ArcLengthStepper:
             step = min(1.0, TO_THE_BOUNDARY * system.max_step(self._trial, self._along))
             self._trial.axpy(step, self._along)
             now += step * change
-            solver.set_prescribed(self._trial, now)
+            solver.set_prescribed(self._trial, Control(now))
             correction = self._along.norm(3) / system.size if step == 1.0 else math.inf
             iterations.append(Iteration(relative, correction, step))
-            solver.count(iterations[-1])
+            solver.count(iterations[-1], self.on_iteration)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from typing import Any
+
+from tmc_vem.support.distributed import Comm
 
 
 class OutOfBudget(Exception):
@@ -23,7 +24,7 @@ class Budget:
         used_up: whether a limit has ended the work.
     """
 
-    def __init__(self, iterations: int | None = None, seconds: float | None = None, comm: Any = None) -> None:
+    def __init__(self, iterations: int | None = None, seconds: float | None = None, comm: Comm | None = None) -> None:
         self._iterations, self._seconds, self._comm = iterations, seconds, comm
         self._begin = time.monotonic()
         self.spent = 0

@@ -8,9 +8,10 @@ section 8.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from petsc4py import PETSc
+
+from tmc_vem.support.distributed import Ksp, Pc
 
 WORK_SPACE_TOO_SMALL = (-8, -9, -14, -15)  # ICNTL(14), the percentage by which it exceeds the estimate, is too low
 NO_MEMORY = (-13, -19)
@@ -68,7 +69,7 @@ class FactorState:
         return ""
 
 
-def factor_state(pc: Any) -> FactorState | None:
+def factor_state(pc: Pc) -> FactorState | None:
     """State of a preconditioner that is a MUMPS factorisation, None for any other; collective if it is gathered."""
     if pc.getType() == PETSc.PC.Type.PYTHON:
         tell = getattr(pc.getPythonContext(), "factor_state", None)
@@ -84,7 +85,7 @@ def factor_state(pc: Any) -> FactorState | None:
         return None
 
 
-def factorise(ksp: Any, before: FactorState | None) -> None:
+def factorise(ksp: Ksp, before: FactorState | None) -> None:
     """Factorise the matrix of a KSP; where its work space is too small, again with more.
 
     What was enough once is kept. A failure of another kind is left for :func:`factor_state` to tell. With a
@@ -107,7 +108,7 @@ def factorise(ksp: Any, before: FactorState | None) -> None:
         _forget(ksp, max(2 * state.work_space, 50))
 
 
-def _forget(ksp: Any, space: int) -> None:
+def _forget(ksp: Ksp, space: int) -> None:
     """Factorise from the beginning, the analysis included, with a percentage of extra work space."""
     database, name = PETSc.Options(), f"{ksp.getOptionsPrefix() or ''}mat_mumps_icntl_14"
     wanted = database.getString(name) if database.hasName(name) else None

@@ -8,21 +8,22 @@ import numpy as np
 from petsc4py import PETSc
 
 from tmc_vem.solve.factor import FactorState, factor_state, factorise
+from tmc_vem.support.distributed import Ksp, Mat, Pc, Vec
 
 
 class GatheredFactor:
     """PC of type 'python'; options of the factorisation have ``gathered_`` behind the prefix of the outer solver."""
 
     def __init__(self) -> None:
-        self._ksp: Any = None
+        self._ksp: Ksp | None = None
         self._rows: Any = None
-        self._gathered: Any = None
+        self._gathered: Mat | None = None
         self._scatter: Any = None
-        self._whole: Any = None
-        self._solution: Any = None
+        self._whole: Vec | None = None
+        self._solution: Vec | None = None
         self._state: FactorState | None = None
 
-    def setUp(self, pc: Any) -> None:
+    def setUp(self, pc: Pc) -> None:
         """Bring the matrix to rank 0 and factorise it there."""
         matrix = pc.getOperators()[1]
         comm = matrix.getComm().tompi4py()
@@ -45,16 +46,16 @@ class GatheredFactor:
             factorise(self._ksp, self._state)
             self._state = factor_state(self._ksp.getPC())
 
-    def apply(self, pc: Any, rhs: Any, out: Any) -> None:
+    def apply(self, pc: Pc, rhs: Vec, out: Vec) -> None:
         """``out`` = inverse of the matrix times ``rhs``; not numbers if there is no factor."""
         self._scatter.scatter(rhs, self._whole)
-        if self._ksp is not None:
+        if self._ksp is not None and self._whole is not None and self._solution is not None:
             self._ksp.solve(self._whole, self._solution)
             if self._ksp.getConvergedReason() <= 0:
                 self._solution.set(np.nan)
         self._scatter.scatter(self._solution, out, mode=PETSc.ScatterMode.REVERSE)
 
-    def factor_state(self, pc: Any) -> FactorState | None:
+    def factor_state(self, pc: Pc) -> FactorState | None:
         """What the factorisation on rank 0 says; called on all ranks."""
         comm = pc.getComm().tompi4py()
         state: FactorState | None = comm.bcast(self._state)

@@ -11,11 +11,11 @@ import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from petsc4py import PETSc
 
 from tmc_vem.solve.factor import FactorState, factor_state, factorise
+from tmc_vem.support.distributed import Comm, Ksp, Mat, Vec
 from tmc_vem.support.errors import InputError
 
 PREFIX = "tmc_"
@@ -71,12 +71,12 @@ class LinearSolver:
             options when something is solved for the first time, so that :meth:`solve` may raise this too.
     """
 
-    def __init__(self, matrix: Any, comm: Any, solver: str = DIRECT) -> None:
+    def __init__(self, matrix: Mat, comm: Comm, solver: str = DIRECT) -> None:
         self._options = read_options(solver)
         self.iterations = 0
         self._factor: FactorState | None = None  # of the last factorisation, where nothing but it solves
         self._solves = True  # whether what came out fulfils the equations
-        self.ksp = PETSc.KSP().create(comm)
+        self.ksp: Ksp = PETSc.KSP().create(comm)
         self.ksp.setOptionsPrefix(PREFIX)
         self.ksp.setOperators(matrix)
         with self._in_database():
@@ -88,7 +88,7 @@ class LinearSolver:
                 )
             self.ksp.setFromOptions()
 
-    def solve(self, rhs: Any, out: Any) -> bool:
+    def solve(self, rhs: Vec, out: Vec) -> bool:
         """Solve with the matrix's present values; whether it worked."""
         self.ksp.setOperators(self.ksp.getOperators()[0])  # the values changed: factorise again
         before, self._factor, self._solves = self._factor, None, True
@@ -99,14 +99,14 @@ class LinearSolver:
         self.iterations += self.ksp.getIterationNumber()
         return self._worked(rhs, out)
 
-    def solve_again(self, rhs: Any, out: Any) -> bool:
+    def solve_again(self, rhs: Vec, out: Vec) -> bool:
         """Solve with the last factorisation; whether it worked."""
         if self._factor and self._factor.failed:
             return False
         self.ksp.solve(rhs, out)
         return self._worked(rhs, out)
 
-    def _worked(self, rhs: Any, out: Any) -> bool:
+    def _worked(self, rhs: Vec, out: Vec) -> bool:
         """Whether there is a solution. A singular factorisation hands out a vector too, which solves nothing."""
         if self.ksp.getConvergedReason() <= 0 or not math.isfinite(out.norm()):
             return False

@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from tmc_vem.solve.linear import DIRECT, LinearSolver
+from tmc_vem.support.distributed import Vec
 from tmc_vem.support.timing import Timer
-from tmc_vem.system.discretisation import Admission, Evaluation, NonlinearSystem
+from tmc_vem.system.control import Control
+from tmc_vem.system.discretisation import Admission, Evaluation, NonlinearSystem, Refused
 
 # Fraction of the largest admissible step that is taken at most (fraction-to-the-boundary rule).
 TO_THE_BOUNDARY = 0.9
@@ -62,6 +63,10 @@ class Iteration:
     step: float
 
 
+# What is told of every iteration, with the number of those that a solver has done so far.
+OnIteration = Callable[[Iteration, int], None]
+
+
 @dataclass(frozen=True)
 class NewtonResult:
     """Outcome of solving for equilibrium at one load.
@@ -72,6 +77,9 @@ class NewtonResult:
         evaluation: potential and extremes at the last state.
         iterations: the iterations, one record each.
         negative_pivots: of the last factorised tangent; above zero the state is unstable. None if unknown.
+        residual: gradient of the potential at the equilibrium, with the reactions at constrained degrees of freedom; a
+            vector of its own. None if it has not converged.
+        refusal: of the state that it has converged to, if that is why it counts as not converged.
     """
 
     converged: bool
@@ -79,6 +87,24 @@ class NewtonResult:
     evaluation: Evaluation
     iterations: tuple[Iteration, ...] = ()
     negative_pivots: int | None = None
+    residual: Vec | None = None
+    refusal: Refused | None = None
+
+
+@dataclass(frozen=True)
+class Imbalance:
+    """How far a state is from equilibrium.
+
+    Attributes:
+        evaluation: potential and extremes.
+        residual: gradient of the potential; a vector of the solver, to be read before it evaluates another state.
+        free, all: norms of the residual at free degrees of freedom, and with the reactions.
+    """
+
+    evaluation: Evaluation
+    residual: Vec
+    free: float
+    all: float
 
 
 @dataclass
@@ -89,7 +115,6 @@ class NewtonSolver:
         system: what is solved.
         options: tolerances and limits.
         timer: collects the time of each phase.
-        on_iteration: called after every iteration, for a progress display.
         solver: preset or file of options of the linear solver, see :mod:`tmc_vem.solve.linear`.
         admission: what else an equilibrium has to fulfil, or None; one that does not counts as not converged.
     """
@@ -97,14 +122,13 @@ class NewtonSolver:
     system: NonlinearSystem
     options: NewtonOptions = field(default_factory=NewtonOptions)
     timer: Timer = field(default_factory=Timer)
-    on_iteration: Callable[[Iteration], None] | None = None
     solver: str = DIRECT
     admission: Admission | None = None
 
     def __post_init__(self) -> None:
         self._matrix = self.system.create_matrix()
         self._linear = LinearSolver(self._matrix, self.system.comm, self.solver)
-        self.residual = self.system.create_vector()
+        self._residual = self.system.create_vector()
         self._direction = self.system.create_vector()
         self._trial = self.system.create_vector()
         self._rhs = self.system.create_vector()
@@ -124,12 +148,12 @@ class NewtonSolver:
         """Why the last linear solve failed, in brackets, or nothing."""
         return self._linear.complaint()
 
-    def set_prescribed(self, u: Any, load: float) -> None:
-        """Write the prescribed displacements of a load factor into ``u``."""
-        u.getArray()[self._constrained] = self.system.prescribed(load)
+    def set_prescribed(self, u: Vec, position: Control) -> None:
+        """Write the displacements that are prescribed at a position on the path into ``u``."""
+        u.getArray()[self._constrained] = self.system.prescribed(position)
 
-    def predict(self, u: Any, load: float, out: Any) -> bool:
-        """First-order predictor: ``out = u + du`` with the tangent at ``u`` and the prescribed values of ``load``.
+    def predict(self, u: Vec, position: Control, out: Vec) -> bool:
+        """First-order predictor: ``out = u + du`` with the tangent at ``u`` and what is prescribed at a position.
 
         Returns:
             Whether the linear solve worked and J stays positive all the way (with a margin).
@@ -137,13 +161,13 @@ class NewtonSolver:
         increment = self._trial
         increment.set(0.0)
         increment.getArray()[self._constrained] = (
-            self.system.prescribed(load) - u.getArray(readonly=True)[self._constrained]
+            self.system.prescribed(position) - u.getArray(readonly=True)[self._constrained]
         )
         with self.timer("assembly"):
-            self.system.residual(u, self.residual)
+            self.system.residual(u, self._residual)
             self.system.jacobian(u, self._matrix)
             self.system.tangent_action(increment, self._rhs)
-        self._rhs.axpy(1.0, self.residual)
+        self._rhs.axpy(1.0, self._residual)
         self._rhs.scale(-1.0)
         self._clear_constrained(self._rhs)
         with self.timer("linear solve"):
@@ -155,12 +179,12 @@ class NewtonSolver:
         out.waxpy(1.0, self._direction, u)
         return admissible
 
-    def is_admissible(self, u: Any, du: Any) -> bool:
+    def is_admissible(self, u: Vec, du: Vec) -> bool:
         """Whether J stays positive from ``u`` to ``u + du`` and some way beyond."""
         with self.timer("assembly"):
             return self.system.max_step(u, du) * TO_THE_BOUNDARY >= 1.0
 
-    def solve(self, u: Any, *, minimise: bool = False) -> NewtonResult:
+    def solve(self, u: Vec, *, minimise: bool = False, on_iteration: OnIteration | None = None) -> NewtonResult:
         """Find equilibrium from ``u``, whose prescribed entries stay as they are; ``u`` is changed in place.
 
         Args:
@@ -168,6 +192,7 @@ class NewtonSolver:
             minimise: descend to a stable equilibrium, a minimum of the potential, wherever it is: past a limit point or
                 a bifurcation the branch that was followed has ended or is unstable. Else the equilibrium nearest to
                 the start is looked for, stable or not.
+            on_iteration: called after every iteration; what it raises ends the work.
         """
         limit = self.options.max_iterations * (10 if minimise else 1)
         iterations: list[Iteration] = []
@@ -184,7 +209,7 @@ class NewtonSolver:
                 STALLED * before * reference <= residual <= self.options.stalled_residual * reference
             )
             if small and step == 1.0 and correction <= self.options.correction and not (minimise and pivots):
-                return self.admitted(u, NewtonResult(True, "converged", evaluation, tuple(iterations), pivots))
+                return self.converged(u, evaluation, tuple(iterations), pivots)
             if len(iterations) >= limit:
                 reason = f"no convergence in {limit} iterations (residual {residual / reference:.1e})"
                 return NewtonResult(False, reason, evaluation, tuple(iterations), pivots)
@@ -197,7 +222,7 @@ class NewtonSolver:
                 self._shifted = False
             if not iterations:
                 least = SMALLEST_REACTION * self._largest_stiffness() * self.system.size
-            self.residual.copy(self._rhs)
+            self._residual.copy(self._rhs)
             self._rhs.scale(-1.0)
             self._clear_constrained(self._rhs)
             solved, pivots = self._descent_direction(minimise)
@@ -207,46 +232,53 @@ class NewtonSolver:
             correction = self._direction.norm(3) / self.system.size  # 3 is PETSc's infinity norm
             step, evaluation = self._line_search(u, evaluation, expand=minimise and bool(pivots))
             iterations.append(Iteration(residual / reference if reference else 0.0, correction, step))
-            self.count(iterations[-1])
+            self.count(iterations[-1], on_iteration)
             if step == 0.0:
                 return NewtonResult(False, "the line search found no decrease", evaluation, tuple(iterations), pivots)
 
-    def admitted(self, u: Any, result: NewtonResult) -> NewtonResult:
-        """The result of an iteration that has converged at ``u``, or a failure if that state is not admitted."""
-        if self.admission is None:
-            return result
-        with self.timer("overlap"):
-            refusal = self.admission.refusal(u, result.evaluation)
-        return replace(result, converged=False, reason=refusal) if refusal else result
+    def converged(
+        self, u: Vec, evaluation: Evaluation, iterations: tuple[Iteration, ...], pivots: int | None
+    ) -> NewtonResult:
+        """The result of an iteration that has converged at ``u``, the state that was evaluated last; a failure if that
+        state is not admitted."""
+        if self.admission is not None:
+            with self.timer("overlap"):
+                refused = self.admission.refusal(u, evaluation)
+            if refused is not None:
+                return NewtonResult(False, refused.sentence(), evaluation, iterations, pivots, refusal=refused)
+        return NewtonResult(True, "converged", evaluation, iterations, pivots, self._residual.copy())
 
-    def admitted_jump(self, before: Any, u: Any, result: NewtonResult) -> NewtonResult:
-        """The same about a state on another branch than the one before."""
+    def admitted_jump(self, before: Vec, u: Vec, result: NewtonResult) -> NewtonResult:
+        """The result for a state on another branch than the one before, or a failure if it is not admitted there."""
         if self.admission is None or not result.converged:
             return result
         with self.timer("overlap"):
-            refusal = self.admission.refusal_of_jump(before, u)
-        return replace(result, converged=False, reason=refusal) if refusal else result
+            refused = self.admission.refusal_of_jump(before, u)
+        if refused is None:
+            return result
+        return replace(result, converged=False, reason=refused.sentence(), residual=None, refusal=refused)
 
-    def count(self, iteration: Iteration) -> None:
+    def count(self, iteration: Iteration, on_iteration: OnIteration | None) -> None:
         """An iteration is done: tell who wants to know."""
         self.iterations_done += 1
-        if self.on_iteration:
-            self.on_iteration(iteration)
+        if on_iteration:
+            on_iteration(iteration, self.iterations_done)
 
-    def evaluate(self, u: Any) -> tuple[Evaluation, float, float]:
-        """Potential at ``u``, and the norms of the residual at free entries and at all."""
-        return (self._evaluate(u), *self._norms())
+    def evaluate(self, u: Vec) -> Imbalance:
+        """Potential and residual at ``u``."""
+        evaluation = self._evaluate(u)
+        return Imbalance(evaluation, self._residual, *self._norms())
 
-    def per_load(self, u: Any, out: Any) -> tuple[bool, int | None]:
-        """Change of the equilibrium state at ``u`` per load factor, into ``out``.
+    def per_load(self, u: Vec, position: Control, out: Vec) -> tuple[bool, int | None]:
+        """Change of the equilibrium state at ``u``, which belongs to a position on the path, per load factor.
 
-        The prescribed displacements are proportional to the load, so those of load factor 1 are its constrained part.
+        Its constrained part, the derivative of what is prescribed, is exact.
 
         Returns:
-            Whether it worked, and the negative pivots of the tangent.
+            Whether it worked, and the negative pivots of the tangent. The change is in ``out``.
         """
         out.set(0.0)
-        out.getArray()[self._constrained] = self.system.prescribed(1.0)
+        out.getArray()[self._constrained] = self.system.prescribed_per_load(position)
         with self.timer("assembly"):
             self.system.jacobian(u, self._matrix)
             self.system.tangent_action(out, self._rhs)
@@ -258,9 +290,9 @@ class NewtonSolver:
         out.axpy(1.0, self._direction)
         return solved, pivots
 
-    def correction(self, out: Any) -> bool:
-        """Newton's correction for ``self.residual`` with the tangent that :meth:`per_load` has factorised."""
-        self.residual.copy(self._rhs)
+    def correction(self, residual: Vec, out: Vec) -> bool:
+        """Newton's correction for a residual with the tangent that :meth:`per_load` has factorised."""
+        residual.copy(self._rhs)
         self._rhs.scale(-1.0)
         self._clear_constrained(self._rhs)
         with self.timer("linear solve"):
@@ -312,7 +344,7 @@ class NewtonSolver:
         self._shifted = True
         diagonal.destroy()
 
-    def _line_search(self, u: Any, before: Evaluation, expand: bool) -> tuple[float, Evaluation]:
+    def _line_search(self, u: Vec, before: Evaluation, expand: bool) -> tuple[float, Evaluation]:
         """Move ``u`` along the direction; the fraction taken and the evaluation there, with the residual updated.
 
         The potential must decrease as Armijo's rule asks. Where the direction does not descend (the tangent is
@@ -336,7 +368,7 @@ class NewtonSolver:
         self._trial.copy(u)
         return 0.0, self._evaluate(u)
 
-    def _expand(self, u: Any, step: float, best: Evaluation, largest: float) -> tuple[float, Evaluation]:
+    def _expand(self, u: Vec, step: float, best: Evaluation, largest: float) -> tuple[float, Evaluation]:
         """Double a step along a direction of descent for as long as the potential falls: the way off a saddle."""
         while 2.0 * step <= largest:
             u.waxpy(2.0 * step, self._direction, self._trial)
@@ -348,16 +380,16 @@ class NewtonSolver:
         u.waxpy(step, self._direction, self._trial)
         return step, self._evaluate(u)
 
-    def _evaluate(self, u: Any) -> Evaluation:
+    def _evaluate(self, u: Vec) -> Evaluation:
         with self.timer("assembly"):
-            return self.system.residual(u, self.residual)
+            return self.system.residual(u, self._residual)
 
     def _norms(self) -> tuple[float, float]:
         """Norm of the residual at free entries, and of all entries (with the reactions)."""
-        reference = self.residual.norm()
-        self.residual.copy(self._rhs)
+        reference = self._residual.norm()
+        self._residual.copy(self._rhs)
         self._clear_constrained(self._rhs)
         return self._rhs.norm(), reference
 
-    def _clear_constrained(self, vector: Any) -> None:
+    def _clear_constrained(self, vector: Vec) -> None:
         vector.getArray()[self._constrained] = 0.0

@@ -4,31 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.support.errors import InputError
+from tmc_vem.system.control import Control
 
 Float = NDArray[np.float64]
 
 # How far along a path it is to change a parameter tenfold, in units of the full load.
 DECADE = 0.2
 CLOSE = 1e-12
-
-
-@dataclass(frozen=True)
-class Control:
-    """A point that a path passes.
-
-    Attributes:
-        load: load factor.
-        parameters: values of energy parameters that differ from those of the problem, by name.
-    """
-
-    load: float
-    parameters: Mapping[str, float] = field(default_factory=dict)
 
 
 class ControlPath:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tmc_vem.support.distributed import Vec
 
 Float = NDArray[np.float64]
 
@@ -23,15 +24,15 @@ class States:
         kept: how many states are remembered.
     """
 
-    def __init__(self, vector: Any, kept: int = ORDER + 1) -> None:
+    def __init__(self, vector: Vec, kept: int = ORDER + 1) -> None:
         self._like, self._kept = vector, kept
         self.controls: list[Float] = []
-        self.vectors: list[Any] = []
+        self.vectors: list[Vec] = []
 
     def __len__(self) -> int:
         return len(self.vectors)
 
-    def append(self, control: Float, u: Any) -> None:
+    def append(self, control: Float, u: Vec) -> None:
         """Add a copy of a state; the oldest is forgotten when there are too many."""
         vector = self.vectors.pop(0) if len(self.vectors) == self._kept else self._like.duplicate()
         del self.controls[: len(self.controls) - len(self.vectors)]
@@ -54,7 +55,7 @@ class States:
         """Orders of extrapolation that are possible to a point, the highest first."""
         return range(len(self._along(control)[0]) - 1, 0, -1)
 
-    def extrapolate(self, control: Float, order: int, out: Any) -> None:
+    def extrapolate(self, control: Float, order: int, out: Vec) -> None:
         """Polynomial through the last ``order + 1`` states, at another point, into ``out`` (Lagrange's formula)."""
         x, x_wanted = self._along(control)
         x = x[-(order + 1) :]

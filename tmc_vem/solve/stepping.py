@@ -5,14 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import ParamSpec
 
 from tmc_vem.solve.budget import OutOfBudget
-from tmc_vem.solve.newton import NewtonResult, NewtonSolver
-from tmc_vem.solve.path import Control, ControlPath, load_path
+from tmc_vem.solve.newton import NewtonResult, NewtonSolver, OnIteration
+from tmc_vem.solve.path import ControlPath, load_path
 from tmc_vem.solve.states import ORDER, States
+from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import EvaluationError, InputError
-from tmc_vem.system.discretisation import Evaluation
+from tmc_vem.system.control import Control
+from tmc_vem.system.discretisation import Evaluation, Refused
+
+P = ParamSpec("P")
 
 DONE = 1e-12
 JUMP = 100.0  # way over which a new branch is looked for where the old one ends, in units of the smallest step
@@ -87,7 +91,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Position:
+class StepperState:
     """Where the stepping stands after a converged step; with the last states, all it needs to go on.
 
     Attributes:
@@ -103,15 +107,46 @@ class Position:
     stiffer: tuple[tuple[float, float], ...] = ()
 
 
+OnStep = Callable[[Step, States, StepperState], None]
+
+
 @dataclass(frozen=True)
 class SteppingResult:
-    """Where the stepping ended: the end of the path, or the last converged step and why not further."""
+    """Where the stepping ended: the end of the path, or the last converged step and why not further.
+
+    Attributes:
+        load: load factor reached.
+        complete: whether that is the end of the path.
+        reason: why it ended, in words.
+        failed_iterations, failed_attempts: since the last converged step.
+        last: that step, None if there was none.
+        linear_iterations: of the linear solver since it was made.
+        refusal: of the last state that has converged since the last step and was not admitted, if there was one.
+    """
 
     load: float
     complete: bool
     reason: str
     failed_iterations: int = 0
     failed_attempts: int = 0
+    last: Step | None = None
+    linear_iterations: int = 0
+    refusal: Refused | None = None
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What became of a step.
+
+    Attributes:
+        result: of Newton's method.
+        far: the state is far from where it was predicted: on another branch.
+        refusal: of the last state on the way to it that has converged and was not admitted, if there was one.
+    """
+
+    result: NewtonResult
+    far: bool = False
+    refusal: Refused | None = None
 
 
 @dataclass
@@ -122,27 +157,29 @@ class LoadStepper:
         solver: Newton's method for the system.
         options: step sizes.
         on_step: called after every converged step with the step, the last states and the position from which the
-            stepping could go on; the residual (with the reactions) is in ``solver.residual``.
+            stepping could go on.
         path: what is controlled; the load factor from 0 to 1 by default.
         soften: parameters that may be raised where a branch ends, with the problem's values: a stiffer medium may get
             past that load, and is softened again beyond it, or at the end of the path.
         on_failure: called when the first attempt at a step fails, with the state that it started from.
+        on_iteration: called after every iteration of Newton's method; what it raises ends the work.
     """
 
     solver: NewtonSolver
     options: SteppingOptions = field(default_factory=SteppingOptions)
-    on_step: Callable[[Step, States, Position], None] | None = None
+    on_step: OnStep | None = None
     path: ControlPath = field(default_factory=load_path)
     soften: Mapping[str, float] = field(default_factory=dict)
-    on_failure: Callable[[Any], None] | None = None
+    on_failure: Callable[[Vec], None] | None = None
+    on_iteration: OnIteration | None = None
 
-    def start(self, u: Any) -> tuple[States, Position]:
+    def start(self, u: Vec) -> tuple[States, StepperState]:
         """States and position at the beginning of the path."""
         states = States(u)
         states.append(self.path.vector(self.path.at(0.0)), u)
-        return states, Position(size=self._first_size(0.0))
+        return states, StepperState(size=self._first_size(0.0))
 
-    def run(self, u: Any, states: States | None = None, position: Position | None = None) -> SteppingResult:
+    def run(self, u: Vec, states: States | None = None, position: StepperState | None = None) -> SteppingResult:
         """Go to the end of the path.
 
         Args:
@@ -153,15 +190,16 @@ class LoadStepper:
             states, position = self.start(u)
         for time, factor in position.stiffer:
             self.path = self.path.stiffened(time, self.soften, factor) or self.path
-        trial = u.duplicate()
-        cut_backs, done, self._far = 0, self.solver.iterations_done, False
+        trial, last, refusal = u.duplicate(), None, None
+        cut_backs, done = 0, self.solver.iterations_done
         try:
             while position.time < self.path.end - DONE:
-                target, self._far = self._target(position), False
-                result = _outcome(self._attempt, u, states, trial, position.time, target)
-                jumped = self._far
+                target = self._target(position)
+                attempt = _outcome(self._attempt, u, states, trial, position.time, target)
+                result, jumped = attempt.result, attempt.far
                 if jumped:
                     result = self.solver.admitted_jump(u, trial, result)
+                refusal = result.refusal or attempt.refusal or refusal
                 if not result.converged:
                     cut_backs += 1
                     if self.on_failure and cut_backs == 1:
@@ -172,7 +210,8 @@ class LoadStepper:
                     # the branch that was followed may have ended, at a limit point or a bifurcation
                     target, jumped = self._target(replace(position, size=JUMP * self.options.smallest)), True
                     other = _outcome(self._other_branch, u, trial, position.time, target)
-                    if not other.converged:
+                    refusal = other.refusal or refusal
+                    if not other.result.converged:
                         self._control(position.time)
                         stiffer = self._stiffen(position)
                         if stiffer is not None:
@@ -180,58 +219,68 @@ class LoadStepper:
                             states.restart(self.path.vector(self.path.at(position.time)))
                             continue
                         wasted = self.solver.iterations_done - done
-                        return SteppingResult(self._load(position), False, self._why(result, u), wasted, cut_backs)
-                    result = other
+                        why = self._why(result, refusal, u)
+                        return replace(self._ended(position, why, last, wasted, cut_backs), refusal=refusal)
+                    result = other.result
                 trial.copy(u)
                 states.append(self.path.vector(self.path.at(target)), u)
                 if jumped:  # there is nothing to extrapolate across a jump to another branch
                     states.forget()
                 size = self._next_size(position, target, len(result.iterations), cut_backs > 0 and not jumped)
-                position = Position(target, size, position.number + 1, position.stiffer)
+                position = StepperState(target, size, position.number + 1, position.stiffer)
+                wasted = self.solver.iterations_done - done - len(result.iterations)
+                last = Step(position.number, target, self.path.at(target), result, cut_backs, wasted, jumped)
                 if self.on_step:
-                    wasted = self.solver.iterations_done - done - len(result.iterations)
-                    control = self.path.at(target)
-                    step = Step(position.number, target, control, result, cut_backs, wasted, jumped)
-                    self.on_step(step, states, position)
-                cut_backs, done = 0, self.solver.iterations_done
+                    self.on_step(last, states, position)
+                cut_backs, done, refusal = 0, self.solver.iterations_done, None
         except OutOfBudget as limit:
             self._control(position.time)
             wasted = self.solver.iterations_done - done
-            return SteppingResult(self._load(position), False, str(limit), wasted, cut_backs)
+            return self._ended(position, str(limit), last, wasted, cut_backs)
         finally:
             trial.destroy()
-        return SteppingResult(self._load(position), True, "full load")
+        return self._ended(position, "full load", last, complete=True)
 
-    def _attempt(self, u: Any, states: States, trial: Any, now: float, target: float) -> NewtonResult:
+    def _ended(
+        self, position: StepperState, reason: str, last: Step | None, wasted: int = 0, cut_backs: int = 0,
+        *, complete: bool = False,
+    ) -> SteppingResult:  # fmt: skip
+        load = self.path.at(position.time).load
+        return SteppingResult(load, complete, reason, wasted, cut_backs, last, self.solver.linear_iterations)
+
+    def _attempt(self, u: Vec, states: States, trial: Vec, now: float, target: float) -> Attempt:
         """Try to find equilibrium at ``target`` in ``trial``, starting from an extrapolation or the tangent."""
-        load = self._control(target)
+        control, far, refusal = self._control(target), False, None
         if self._extrapolate(u, states, trial, target):
-            self.solver.set_prescribed(trial, load)
-            result = self._solve(u, trial)
-            if result.converged:
-                return result
-        if self.solver.predict(u, load, trial):
-            return self._solve(u, trial)
-        if load == self.path.at(now).load:  # parameters change, and the old state is admissible still
+            self.solver.set_prescribed(trial, control)
+            attempt = self._solve(u, trial)
+            if attempt.result.converged:
+                return attempt
+            far, refusal = attempt.far, attempt.refusal
+        if self.solver.predict(u, control, trial):
+            attempt = self._solve(u, trial)
+            return replace(attempt, refusal=attempt.refusal or refusal)
+        if control.load == self.path.at(now).load:  # parameters change, and the old state is admissible still
             u.copy(trial)
-            return self.solver.solve(trial)
+            result = self.solver.solve(trial, on_iteration=self.on_iteration)
+            return Attempt(result, far, result.refusal or refusal)  # where the extrapolation went off, this may as well
         evaluation, complaint = self.solver.system.energy(u), self.solver.linear_complaint
         reason = f"no predictor{complaint}" if complaint else f"the predictor inverts the mesh ({evaluation.worst})"
-        return NewtonResult(False, reason, evaluation)
+        return Attempt(NewtonResult(False, reason, evaluation), refusal=refusal)
 
-    def _solve(self, u: Any, trial: Any) -> NewtonResult:
-        """Find equilibrium from a predicted state, and remember whether it is far from there: on another branch."""
+    def _solve(self, u: Vec, trial: Vec) -> Attempt:
+        """Find equilibrium from a predicted state."""
         predicted, increment = trial.copy(), trial.copy()
         increment.axpy(-1.0, u)
         expected = increment.norm(3)
-        result = self.solver.solve(trial)
+        result = self.solver.solve(trial, on_iteration=self.on_iteration)
         increment.waxpy(-1.0, predicted, trial)
-        self._far = increment.norm(3) > max(FAR * expected, FAR_AT_LEAST * self.solver.system.size)
+        far = increment.norm(3) > max(FAR * expected, FAR_AT_LEAST * self.solver.system.size)
         predicted.destroy()
         increment.destroy()
-        return result
+        return Attempt(result, far, result.refusal)
 
-    def _extrapolate(self, u: Any, states: States, trial: Any, target: float) -> bool:
+    def _extrapolate(self, u: Vec, states: States, trial: Vec, target: float) -> bool:
         """Extrapolate with the highest order that keeps J > 0, into ``trial``; whether there is one."""
         control = self.path.vector(self.path.at(target))
         increment = u.duplicate()
@@ -246,18 +295,20 @@ class LoadStepper:
         finally:
             increment.destroy()
 
-    def _other_branch(self, u: Any, trial: Any, now: float, target: float) -> NewtonResult:
+    def _other_branch(self, u: Vec, trial: Vec, now: float, target: float) -> Attempt:
         """Look for an equilibrium at ``target`` that the branch followed so far does not lead to.
 
         First downhill from the last state with the load moved on, then with a stiffer medium that is softened again
         at the target.
         """
-        load = self._control(target)
+        control = self._control(target)
         u.copy(trial)
-        self.solver.set_prescribed(trial, load)
-        result = self.solver.admitted_jump(u, trial, self.solver.solve(trial, minimise=True))
+        self.solver.set_prescribed(trial, control)
+        lowest = self.solver.solve(trial, minimise=True, on_iteration=self.on_iteration)
+        result = self.solver.admitted_jump(u, trial, lowest)
         if result.converged:
-            return result
+            return Attempt(result, far=True)
+        refusal = result.refusal
         here, there = self.path.at(now), self.path.at(target)
         for factor in DETOURS if self.soften else ():
             before, after = ({**self.soften, **control.parameters} for control in (here, there))
@@ -266,15 +317,15 @@ class LoadStepper:
             if here.load == there.load:  # it is a parameter that changes
                 del corners[-1]
             path = ControlPath([*corners, Control(there.load, after)])
-            last: list[NewtonResult] = []
             options = replace(self.options, steps=None, smallest=min(1e-3, self.options.first))
-            inner = LoadStepper(self.solver, options, lambda step, *_, kept=last: kept.append(step.newton), path)
             u.copy(trial)
-            if inner.run(trial).complete:
-                return last[-1]
-        return result
+            outcome = LoadStepper(self.solver, options, path=path, on_iteration=self.on_iteration).run(trial)
+            if outcome.complete and outcome.last is not None:
+                return Attempt(outcome.last.newton, far=True)
+            refusal = outcome.refusal or refusal
+        return Attempt(result, refusal=refusal)
 
-    def _stiffen(self, position: Position) -> Position | None:
+    def _stiffen(self, position: StepperState) -> StepperState | None:
         """Give up the path for one with a stiffer medium that is softened at the end; None if that has been tried."""
         unused = [factor for factor in STIFFER if all(factor > used for _, used in position.stiffer)]
         if not (self.soften and unused) or (
@@ -288,24 +339,21 @@ class LoadStepper:
         size = min(self.options.first, self.options.largest)
         return replace(position, size=size, stiffer=(*position.stiffer, (position.time, unused[0])))
 
-    def _control(self, time: float) -> float:
-        """Give the system the parameters of a time; the load factor there."""
+    def _control(self, time: float) -> Control:
+        """Give the system the parameters of a time; the point of the path there."""
         control = self.path.at(time)
         parameters = {**self.soften, **control.parameters}
         if parameters:
             self.solver.system.set_parameters(parameters)
-        return control.load
+        return control
 
-    def _load(self, position: Position) -> float:
-        return self.path.at(position.time).load
-
-    def _why(self, result: NewtonResult, u: Any) -> str:
+    def _why(self, result: NewtonResult, refusal: Refused | None, u: Vec) -> str:
         """Why there is no way to go on, what was tried and what to try."""
         worst = self.solver.system.energy(u).worst
         softened = ""
         if self.soften:
             softened = f", {', '.join(self.soften)} raised up to {STIFFER[-1]:g} times to get past this load"
-        reason, remedy = (self.solver.admission and self.solver.admission.complaint()) or (result.reason, REMEDY)
+        reason, remedy = (refusal.sentence(), refusal.advice()) if refusal else (result.reason, REMEDY)
         return (
             f"{reason}; smallest {worst}. Tried: steps down to {self.options.smallest:g} of the load, extrapolated and "
             f"tangent predictors, descent to another equilibrium{softened}. {remedy}"
@@ -321,7 +369,7 @@ class LoadStepper:
         leg = self.path.leg(time)
         return float(self.path.times[leg + 1] - self.path.times[leg]) / self.options.steps
 
-    def _target(self, position: Position) -> float:
+    def _target(self, position: StepperState) -> float:
         """Time that a step of the position's size leads to, cut where something must be hit."""
         time, size = position.time, position.size
         stop = self.path.next_stop(time)
@@ -334,7 +382,7 @@ class LoadStepper:
             return stop
         return time + size
 
-    def _next_size(self, position: Position, target: float, iterations: int, was_cut: bool) -> float:
+    def _next_size(self, position: StepperState, target: float, iterations: int, was_cut: bool) -> float:
         options, taken = self.options, target - position.time
         if options.steps:
             return taken if was_cut else self._equal_size(target)
@@ -347,9 +395,9 @@ class LoadStepper:
         return min(options.largest, taken * factor)
 
 
-def _outcome(attempt: Callable[..., NewtonResult], *arguments: Any) -> NewtonResult:
-    """Result of an attempt; it has failed, on all ranks alike, where the potential cannot be evaluated."""
+def _outcome(attempt: Callable[P, Attempt], *arguments: P.args, **named: P.kwargs) -> Attempt:
+    """What became of an attempt; it has failed, on all ranks alike, where the potential cannot be evaluated."""
     try:
-        return attempt(*arguments)
+        return attempt(*arguments, **named)
     except EvaluationError as error:
-        return NewtonResult(False, str(error), Evaluation(math.nan, {}, str(error)))
+        return Attempt(NewtonResult(False, str(error), Evaluation(math.nan, {}, str(error))))

@@ -5,13 +5,15 @@ from __future__ import annotations
 import pickle
 import time
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TypeVar
+
+from tmc_vem.support.distributed import Comm
 
 T = TypeVar("T")
 PATIENCE = 20.0  # seconds
 
 
-def on_root(comm: Any, make: Callable[[], T]) -> T | None:
+def on_root(comm: Comm, make: Callable[[], T]) -> T | None:
     """Result of ``make`` on rank 0, None elsewhere; what it raises there is raised on every rank."""
     result, error = _attempt(make) if comm.rank == 0 else (None, None)
     error = comm.bcast(error)
@@ -20,7 +22,12 @@ def on_root(comm: Any, make: Callable[[], T]) -> T | None:
     return result
 
 
-def on_every_rank(comm: Any, make: Callable[[], T]) -> T:
+def from_root(comm: Comm, make: Callable[[], T]) -> T:
+    """Result of ``make``, called on rank 0, on every rank; what it raises there is raised on all."""
+    return comm.bcast(on_root(comm, make))  # type: ignore[return-value]
+
+
+def on_every_rank(comm: Comm, make: Callable[[], T]) -> T:
     """Result of ``make``, called on every rank; the error of the first rank that fails is raised on all.
 
     ``make`` must not communicate.
@@ -32,7 +39,7 @@ def on_every_rank(comm: Any, make: Callable[[], T]) -> T:
     return result  # type: ignore[return-value]
 
 
-def leave_together(comm: Any, code: int) -> None:
+def leave_together(comm: Comm, code: int) -> None:
     """Return when all ranks have come here to end with an error; end them all if one does not come.
 
     Errors of our own are raised on all ranks. Should one of them slip out on some ranks only, the others would wait for

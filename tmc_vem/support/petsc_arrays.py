@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from tmc_vem.support.distributed import Mat
 
-def in_place(function: str, petsc_object: Any, n: int, dtype: Any) -> NDArray[Any]:
+
+def in_place(function: str, petsc_object: Mat, n: int, dtype: Any) -> NDArray[Any]:
     """The array (n,) that a function of PETSc, such as MatSeqAIJGetArray, points to; valid as long as the object.
 
     Raises:
@@ -26,7 +28,7 @@ def in_place(function: str, petsc_object: Any, n: int, dtype: Any) -> NDArray[An
     return np.ctypeslib.as_array(pointer, shape=(n,))
 
 
-def compressed_rows(matrix: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+def compressed_rows(matrix: Mat) -> tuple[NDArray[Any], NDArray[Any]]:
     """Row starts and columns of a sequential AIJ matrix, in place; valid as long as its pattern, and not to be changed.
 
     Raises:

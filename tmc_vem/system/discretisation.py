@@ -1,15 +1,24 @@
-"""What a discretisation offers to the solver, and nothing more: VEM and FEM look the same from here."""
+"""What a discretisation is to everything above it: VEM and FEM look the same from here.
+
+A check by mypy and ``tests/unit/test_discretisation.py`` hold both to it, and what is above to what is in it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.support.distributed import Comm, Mat, Vec
+from tmc_vem.system.control import Control
+from tmc_vem.system.fields import Polygons
+from tmc_vem.system.places import PointSource
+
 Float = NDArray[np.float64]
+Int = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -45,33 +54,44 @@ class Evaluation:
         return all(values.min_j > 0.0 for values in self.regions.values())
 
 
+class Refused(Protocol):
+    """What is said about a converged state that is no state of the problem that was posed."""
+
+    def sentence(self) -> str:
+        """What is wrong with it."""
+
+    def advice(self) -> str:
+        """What to do about it; called by all ranks together."""
+
+
 class Admission(Protocol):
     """Says of converged states whether they are states of the problem that was posed; called by all ranks together."""
 
-    def refusal(self, u: Any, evaluation: Evaluation) -> str:
-        """Why a converged state is none, in words, or nothing."""
+    def refusal(self, u: Vec, evaluation: Evaluation) -> Refused | None:
+        """Why a converged state is none; None if it is one."""
 
-    def refusal_of_jump(self, before: Any, after: Any) -> str:
-        """Why a converged state on another branch cannot be reached from the state before, or nothing."""
-
-    def complaint(self) -> tuple[str, str] | None:
-        """The last refusal since a state was taken, and what to do about it; None if nothing was refused since."""
+    def refusal_of_jump(self, before: Vec, after: Vec) -> Refused | None:
+        """Why a converged state on another branch cannot be reached from the state before; None if it can."""
 
 
 class NonlinearSystem(Protocol):
-    """A discretised potential with prescribed displacements that are proportional to the load factor.
+    """A discretised potential with prescribed displacements: what the solver needs.
 
-    Vectors and matrices are PETSc objects, distributed over the ranks of ``comm``. ``residual`` is the full gradient of
-    the potential, so its entries at constrained degrees of freedom are the reactions.
+    Vectors and matrices are distributed over the ranks of ``comm``. ``residual`` is the full gradient of the potential,
+    so its entries at constrained degrees of freedom are the reactions.
+
+    Attributes:
+        comm: the ranks.
+        size: larger side of the mesh's bounding box.
     """
 
-    comm: Any
+    comm: Comm
     size: float
 
-    def create_vector(self) -> Any:
+    def create_vector(self) -> Vec:
         """A new global vector of displacement degrees of freedom, zero."""
 
-    def create_matrix(self) -> Any:
+    def create_matrix(self) -> Mat:
         """A new preallocated matrix for the tangent."""
 
     def constrained(self) -> NDArray[np.int32]:
@@ -80,26 +100,88 @@ class NonlinearSystem(Protocol):
     def set_parameters(self, values: Mapping[str, float]) -> None:
         """Change parameters, by name, in every energy that has them."""
 
-    def prescribed(self, load: float) -> Float:
-        """Their values at a load factor, parallel to :meth:`constrained`."""
+    def prescribed(self, position: Control) -> Float:
+        """Displacements at a position on the path, parallel to :meth:`constrained`."""
 
-    def residual(self, u: Any, out: Any) -> Evaluation:
+    def prescribed_per_load(self, position: Control) -> Float:
+        """Their derivatives with respect to the load factor."""
+
+    def residual(self, u: Vec, out: Vec) -> Evaluation:
         """Gradient of the potential at ``u`` into ``out``, constrained entries included."""
 
-    def energy(self, u: Any) -> Evaluation:
+    def energy(self, u: Vec) -> Evaluation:
         """Potential at ``u`` alone."""
 
-    def jacobian(self, u: Any, out: Any) -> None:
-        """Tangent at ``u``; constrained rows and columns are those of the identity."""
+    def jacobian(self, u: Vec, out: Mat) -> None:
+        """Tangent at ``u`` into a matrix of :meth:`create_matrix`; constrained rows and columns are those of the
+        identity."""
 
-    def tangent_action(self, du: Any, out: Any) -> None:
+    def tangent_action(self, du: Vec, out: Vec) -> None:
         """Product of the last tangent, constrained rows and columns included, with ``du``."""
 
-    def max_step(self, u: Any, du: Any) -> float:
+    def max_step(self, u: Vec, du: Vec) -> float:
         """Largest s with J(u + t du) > 0 at every quadrature point for all t < s; exact in two dimensions."""
 
-    def point_displacements(self, u: Any, names: Sequence[str]) -> Float:
+
+class Discretisation(NonlinearSystem, PointSource, Protocol):
+    """A problem on cells and nodes. What has an axis ``c`` or ``n`` is about the cells and nodes of this rank."""
+
+    @property
+    def n_cells_global(self) -> int:
+        """Cells of the whole mesh."""
+
+    @property
+    def n_dofs(self) -> int:
+        """Degrees of freedom of the whole system, constrained ones included."""
+
+    def projection_degrees(self) -> dict[str, int]:
+        """How many cells of the whole mesh project gradients on polynomials of which degree l, or on which space of
+        another name; nothing where there is no projection."""
+
+    def work(self) -> dict[str, float]:
+        """This rank's share of the work, in several measures; ``cells`` is one."""
+
+    # -- names
+
+    def point_coordinates(self, names: Sequence[str]) -> Float:
+        """Reference coordinates (n, 2) of named points, equal on all ranks.
+
+        Raises:
+            InputError: there is no point of that name.
+        """
+
+    def point_displacements(self, u: Vec, names: Sequence[str]) -> Float:
         """Displacements (n, 2) of named points, equal on all ranks."""
 
-    def reaction(self, residual: Any, where: str, component: int) -> float:
-        """Sum of the residual's entries at a named point or edge set, equal on all ranks."""
+    def reaction(self, residual: Vec, where: str, component: int) -> float:
+        """Force that holds a named point or edge set, summed over its nodes, equal on all ranks."""
+
+    # -- nodes
+
+    def node_labels(self) -> Float:
+        """Labels (n_nodes, 3) of the nodes of this rank's part of a vector, which do not depend on the distribution:
+        coordinates and 0, or a cell's centroid and 1, 2, ... for its moments."""
+
+    # -- cells
+
+    def cell_numbers(self) -> Int:
+        """(n_cells,) numbers of the cells in the whole mesh."""
+
+    def cell_areas(self) -> Float:
+        """(n_cells,) reference areas."""
+
+    def cell_energies(self, u: Vec, without: str = "") -> Float:
+        """(n_cells,) energies in the cells, what is on the sides between them left out; the parameter ``without``,
+        where an energy has it, is set to 0."""
+
+    def cell_jacobians(self, u: Vec) -> tuple[Float, Float]:
+        """(n_cells,) mean and smallest J."""
+
+    def dense_jacobians(self, u: Vec) -> Float:
+        """(n_cells,) smallest J on a grid much finer than the quadrature's."""
+
+    def output_polygons(self) -> Polygons:
+        """The cells as polygons through all nodes of their boundary."""
+
+    def output_displacements(self, u: Vec) -> Float:
+        """(n_points, 2) displacements of the polygons' points."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.mesh.locate import TOLERANCE, Cells
+from tmc_vem.support.distributed import Comm, Vec
 from tmc_vem.support.errors import InputError
 
 Float = NDArray[np.float64]
@@ -37,13 +38,13 @@ class Located:
 class PointSource(Protocol):
     """What a discretisation offers to find points, for the cells of this rank."""
 
-    comm: Any
+    comm: Comm
     size: float
 
     def locate(self, points_nx: Float) -> Located:
         """Points (n, 2) in this rank's cells."""
 
-    def nodal_values(self, u: Any) -> Float:
+    def nodal_values(self, u: Vec) -> Float:
         """Values (n_nodes, 2) of this rank's nodes, ghosts included."""
 
 
@@ -82,7 +83,7 @@ class Places:
         self._mine = np.flatnonzero(rank_n == system.comm.rank)
         self._weights = located.weights[self._mine]
 
-    def displacements(self, u: Any) -> Float:
+    def displacements(self, u: Vec) -> Float:
         """Displacements (n, 2) at a state, equal on all ranks; called on all of them."""
         mine = (self._mine, self._weights @ self._system.nodal_values(u))
         parts = self._system.comm.allgather(mine)

@@ -7,6 +7,7 @@ A node carries both displacement components. Nodes of a cell come in the order o
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,23 @@ class DofMap:
         n_global = probe.getSize()
         probe.destroy()
         return DofMap(dm, vertices[:, 0], edges, cells, order, section.getStorageSize() // 2, n_global)
+
+    @cached_property
+    def owned_range(self) -> tuple[int, int]:
+        """First global degree of freedom of this rank, and first one of the next."""
+        probe = self.dm.getGlobalVec()
+        first, last = probe.getOwnershipRange()
+        self.dm.restoreGlobalVec(probe)
+        return first, last
+
+    @cached_property
+    def owned_node_n(self) -> Int:
+        """(n_nodes,) place of each local node in this rank's part of a global vector, -1 if another rank owns it."""
+        first, last = self.owned_range
+        numbers = self.dm.getLGMap().apply((2 * np.arange(self.n_nodes)).astype(PETSc.IntType)).astype(np.int64)
+        owned = (numbers >= first) & (numbers < last)
+        places: Int = np.where(owned, (numbers - first) // 2, -1)
+        return places
 
     def cell_nodes(self, distributed: DistributedMesh, cells: Int, n_sides: int) -> NDArray[np.int32]:
         """Nodes (n, n_basis) of cells with ``n_sides`` sides, in the order of the local basis."""

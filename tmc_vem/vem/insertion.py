@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from tmc_vem.support.distributed import Mat
 from tmc_vem.support.petsc_arrays import compressed_rows, in_place
 from tmc_vem.vem.blocks import CHUNK, Block
 from tmc_vem.vem.kernel.batch import CellBatch, Tangents
@@ -46,7 +47,7 @@ class MatrixInsertion:
         is_constrained: of every local degree of freedom.
     """
 
-    def __init__(self, blocks: Sequence[Block], matrix: Any, lgmap: Any, is_constrained: NDArray[np.bool_]) -> None:
+    def __init__(self, blocks: Sequence[Block], matrix: Mat, lgmap: Any, is_constrained: NDArray[np.bool_]) -> None:
         n_nodes = len(is_constrained) // 2
         first, last = matrix.getOwnershipRange()
         numbers = lgmap.apply(np.arange(0, 2 * n_nodes, 2, dtype=PETSc.IntType)).astype(np.int64)
@@ -77,7 +78,7 @@ class MatrixInsertion:
             self._parts.append(_Part(block, direct, positions, others, dofs))
 
     def assemble(
-        self, u_ni: Float, matrix: Any, constrained: Int, together: Callable[[Callable[[], None]], None]
+        self, u_ni: Float, matrix: Mat, constrained: Int, together: Callable[[Callable[[], None]], None]
     ) -> None:
         """Tangent (56) at ``u_ni``, with the identity at the local degrees of freedom ``constrained`` of this rank.
 
@@ -94,13 +95,13 @@ class MatrixInsertion:
             matrix.assemble()
         together(lambda: self._add_directly(u_ni, matrix))
 
-    def _insert_others(self, u_ni: Float, matrix: Any, constrained: Int) -> None:
+    def _insert_others(self, u_ni: Float, matrix: Mat, constrained: Int) -> None:
         for part in self._parts:
             self._insert(part, u_ni, matrix)
         for dof in constrained.tolist():
             matrix.setValueLocal(dof, dof, 1.0, addv=PETSc.InsertMode.ADD_VALUES)
 
-    def _add_directly(self, u_ni: Float, matrix: Any) -> None:
+    def _add_directly(self, u_ni: Float, matrix: Mat) -> None:
         if any(part.direct.n_cells for part in self._parts):
             diagonal = _diagonal_block(matrix)
             values = in_place("MatSeqAIJGetArray", diagonal, self._n_values, np.float64)
@@ -111,7 +112,7 @@ class MatrixInsertion:
             diagonal.stateIncrease()
             matrix.stateIncrease()
 
-    def _insert(self, part: _Part, u_ni: Float, matrix: Any) -> None:
+    def _insert(self, part: _Part, u_ni: Float, matrix: Mat) -> None:
         n = 2 * part.others.n_basis
         for first in range(0, part.others.n_cells, CHUNK):
             chunk = part.others.take(slice(first, first + CHUNK))
@@ -121,11 +122,11 @@ class MatrixInsertion:
             matrix.setValuesLocalRCV(dofs, dofs, dense, addv=PETSc.InsertMode.ADD_VALUES)
 
 
-def _diagonal_block(matrix: Any) -> Any:
+def _diagonal_block(matrix: Mat) -> Mat:
     return matrix.getDiagonalBlock() if matrix.getType() == PETSc.Mat.Type.MPIAIJ else matrix
 
 
-def _structure(matrix: Any) -> tuple[Int, Int32] | None:
+def _structure(matrix: Mat) -> tuple[Int, Int32] | None:
     """Row starts and columns of this rank's diagonal block, or None if it has no compressed rows with node pairs."""
     if matrix.getType() not in (PETSc.Mat.Type.SEQAIJ, PETSc.Mat.Type.MPIAIJ):
         return None

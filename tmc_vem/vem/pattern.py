@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 from scipy import sparse
 
+from tmc_vem.support.distributed import Mat
 from tmc_vem.vem.blocks import Block
 
 
-def serial_matrix(blocks: Sequence[Block], dm: Any, n_nodes: int) -> Any:
+def serial_matrix(blocks: Sequence[Block], dm: Any, n_nodes: int) -> Mat:
     """Sequential AIJ matrix, zero, with an entry for every two degrees of freedom of a cell."""
     starts, columns = node_pattern(blocks, n_nodes)
     size = 2 * n_nodes
@@ -25,7 +26,7 @@ def serial_matrix(blocks: Sequence[Block], dm: Any, n_nodes: int) -> Any:
     expanded = sparse.bsr_matrix((pairs, columns, starts), shape=(size, size)).tocsr()
     indptr, indices = (a.astype(PETSc.IntType, copy=False) for a in (expanded.indptr, expanded.indices))
     csr = (indptr, indices, np.zeros(len(indices)))
-    matrix = PETSc.Mat().createAIJWithArrays((size, size), csr, comm=PETSc.COMM_SELF)
+    matrix: Mat = PETSc.Mat().createAIJWithArrays((size, size), csr, comm=PETSc.COMM_SELF)
     matrix.setBlockSize(2)
     lgmap = dm.getLGMap()
     matrix.setLGMap(lgmap, lgmap)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from mpi4py import MPI
@@ -15,13 +15,17 @@ from petsc4py import PETSc
 from tmc_vem.mesh.geometry import centroids
 from tmc_vem.mesh.locate import TOLERANCE
 from tmc_vem.mesh.spread.distribute import DistributedMesh
+from tmc_vem.support.distributed import Mat, Vec
 from tmc_vem.support.errors import EvaluationError, InputError
-from tmc_vem.support.memory import give_back, reuse_freed
+from tmc_vem.support.memory import give_back
 from tmc_vem.support.parallel import on_every_rank
+from tmc_vem.system.constrained import Constrained
 from tmc_vem.system.constraints import Prescribed, is_called
-from tmc_vem.system.discretisation import Evaluation, RegionValues
+from tmc_vem.system.control import Control
+from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.places import Located
+from tmc_vem.system.reduction import Shares, at_named_points, reaction, step_limit
 from tmc_vem.vem.blocks import CHUNK, RegionKernel, make_blocks
 from tmc_vem.vem.dense import smallest_jacobians
 from tmc_vem.vem.dofmap import DofMap
@@ -41,7 +45,7 @@ T = TypeVar("T")
 
 
 class VemSystem:
-    """Stabilization-free virtual elements for a potential of F and G; implements ``NonlinearSystem``.
+    """Stabilization-free virtual elements for a potential of F and G; implements ``Discretisation``.
 
     Args:
         distributed: the mesh.
@@ -71,8 +75,8 @@ class VemSystem:
         self._local = self.dofmap.dm.createLocalVec()
         self._work = self.dofmap.dm.createLocalVec()
         self._named_nodes = functools.cache(self._nodes_of)
-        self._constrained_local, self._constraint_values = self._locate(prescribed)
-        reuse_freed()
+        self._constrained_local = Constrained.of(prescribed, self._named_nodes)
+        self._constrained = self._constrained_local.renumbered(self.dofmap.owned_node_n)
         groups = element_groups(distributed.mesh, self.settings, distributed.cell_ids)
         self.blocks = on_every_rank(self.comm, lambda: make_blocks(distributed, self.dofmap, groups, kernels))
         self.size = self._extent()
@@ -80,48 +84,37 @@ class VemSystem:
         self._kernel_seconds = 0.0
         self._insertion: MatrixInsertion | None = None
         self._tangent_state: Float | None = None
-        # positions of owned constrained entries in this rank's part of a global vector
-        lgmap = self.dofmap.dm.getLGMap()
-        first, last = self._owned_range()
-        numbers = lgmap.apply(self._constrained_local.astype(PETSc.IntType))
-        owned = (numbers >= first) & (numbers < last)
-        self._owned = (numbers[owned] - first).astype(np.int32)
-        self._owned_local = self._constrained_local[owned]
-        self._owned_values = self._constraint_values[owned]
 
-    # -- NonlinearSystem -----------------------------------------------------------------------------------------
+    # -- Discretisation ------------------------------------------------------------------------------------------
 
-    def create_vector(self) -> Any:
+    def create_vector(self) -> Vec:
         """A new global displacement vector, zero."""
-        vector = self.dofmap.dm.createGlobalVec()
+        vector: Vec = self.dofmap.dm.createGlobalVec()
         vector.set(0.0)
         return vector
 
-    def create_matrix(self) -> Any:
+    def create_matrix(self) -> Mat:
         """A new symmetric matrix, preallocated exactly."""
         dm = self.dofmap.dm
         plain = self.comm.size == 1 and not PETSc.Options().hasName("dm_mat_type")
-        matrix = serial_matrix(self.blocks, dm, self.dofmap.n_nodes) if plain else dm.createMat()
+        matrix: Mat = serial_matrix(self.blocks, dm, self.dofmap.n_nodes) if plain else dm.createMat()
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
         matrix.setNearNullSpace(self._rigid_motions())
-        if self._insertion is None:
-            is_constrained = np.zeros(2 * self.dofmap.n_nodes, dtype=bool)
-            is_constrained[self._constrained_local] = True
-            self._insertion = MatrixInsertion(self.blocks, matrix, self.dofmap.dm.getLGMap(), is_constrained)
-            give_back()
         return matrix
 
     def constrained(self) -> NDArray[np.int32]:
         """Constrained entries owned by this rank, as positions in its part of a global vector."""
-        owned: NDArray[np.int32] = self._owned
-        return owned
+        return self._constrained.dofs.astype(np.int32)
 
-    def prescribed(self, load: float) -> Float:
-        """Displacements of :meth:`constrained` at a load factor."""
-        values: Float = load * self._owned_values
-        return values
+    def prescribed(self, position: Control) -> Float:
+        """Displacements of :meth:`constrained` at a position on the path."""
+        return self._constrained.at(position)
+
+    def prescribed_per_load(self, position: Control) -> Float:
+        """Their derivatives with respect to the load factor."""
+        return self._constrained.per_load(position)
 
     def set_parameters(self, values: Mapping[str, float]) -> None:
         """Change parameters, by name, in every energy that has them."""
@@ -130,12 +123,12 @@ class VemSystem:
                 if name in values:
                     block.parameters[position] = values[name]
 
-    def energy(self, u: Any) -> Evaluation:
+    def energy(self, u: Vec) -> Evaluation:
         """Potential at ``u``."""
         u_nodes = self._local_values(u)
         return self._evaluation(self._together(lambda: self._evaluate(u_nodes)), u_nodes)
 
-    def residual(self, u: Any, out: Any) -> Evaluation:
+    def residual(self, u: Vec, out: Vec) -> Evaluation:
         """Full gradient of the potential into ``out``; its constrained entries are the reactions."""
         u_nodes = self._local_values(u)
         total = self._work.getArray().reshape(-1, 2)
@@ -144,19 +137,16 @@ class VemSystem:
         self._add_work(out)
         return self._evaluation(values, u_nodes)
 
-    def jacobian(self, u: Any, out: Any) -> None:
+    def jacobian(self, u: Vec, out: Mat) -> None:
         """Tangent (56) at ``u`` with rows and columns of the identity at constrained degrees of freedom.
 
         Raises:
-            ValueError: ``out`` is not from :meth:`create_matrix`.
             EvaluationError: a kernel failed on this or on another rank.
         """
-        if self._insertion is None:
-            raise ValueError("the matrix must be one of create_matrix()")
         self._tangent_state = self._local_values(u).copy()
-        self._insertion.assemble(self._tangent_state, out, self._owned_local, self._together)
+        self._insertion_into(out).assemble(self._tangent_state, out, self._owned_constrained(), self._together)
 
-    def tangent_action(self, du: Any, out: Any) -> None:
+    def tangent_action(self, du: Vec, out: Vec) -> None:
         """Product of the last tangent, without boundary conditions, and ``du``.
 
         Only the cells where ``du`` is not zero are computed, once more: a predictor moves the constrained nodes only.
@@ -179,20 +169,19 @@ class VemSystem:
                 products = dense @ du_nodes[batch.nodes_ca].reshape(-1, n, 1)
                 np.add.at(total, batch.nodes_ca, products.reshape(-1, n // 2, 2))
 
-    def max_step(self, u: Any, du: Any) -> float:
+    def max_step(self, u: Vec, du: Vec) -> float:
         """Largest s with J > 0 at every quadrature point along u + t du, t < s."""
         u_nodes = self._local_values(u).copy()
         du_nodes = self._local_values(du)
         steps = self._together(lambda: [b.kernel.max_step(b.batch, u_nodes, du_nodes) for b in self.blocks])
-        step = min((float(step_c.min(initial=np.inf)) for step_c in steps), default=np.inf)
-        return float(self.comm.allreduce(step, op=MPI.MIN))
+        return step_limit(self.comm, (float(step_c.min(initial=np.inf)) for step_c in steps))
 
     def point_coordinates(self, names: Sequence[str]) -> Float:
         """Reference coordinates (n, 2) of named points."""
         mesh = self.distributed.mesh
         return self._at_points(names, lambda vertex: mesh.points_vx[vertex])
 
-    def point_displacements(self, u: Any, names: Sequence[str]) -> Float:
+    def point_displacements(self, u: Vec, names: Sequence[str]) -> Float:
         """Displacements (n, 2) of named points."""
         u_nodes = self._local_values(u)
         return self._at_points(names, lambda vertex: u_nodes[self.dofmap.vertex_nodes[vertex]])
@@ -200,22 +189,14 @@ class VemSystem:
     def _at_points(self, names: Sequence[str], value: Callable[[int], Float]) -> Float:
         points = self.distributed.mesh.named_points
         mine = {name: value(points[name]).copy() for name in names if name in points}
-        found = {name: entry for part in self.comm.allgather(mine) for name, entry in part.items()}
-        unknown = [name for name in names if name not in found]
-        if unknown:
-            raise InputError(f"the mesh has no named point '{unknown[0]}'")
-        return np.array([found[name] for name in names]).reshape(-1, 2)
+        return at_named_points(self.comm, names, mine)
 
-    def reaction(self, residual: Any, where: str, component: int) -> float:
+    def reaction(self, residual: Vec, where: str, component: int) -> float:
         """Force that holds a named point or edge set, summed over its nodes."""
-        nodes = self._named_nodes(where)
-        first, last = self._owned_range()
-        numbers = self.dofmap.dm.getLGMap().apply((2 * nodes + component).astype(PETSc.IntType))
-        owned = numbers[(numbers >= first) & (numbers < last)] - first
-        array = residual.getArray(readonly=True)
-        return float(self.comm.allreduce(float(array[owned].sum())))
+        nodes = self.dofmap.owned_node_n[self._named_nodes(where)]
+        return reaction(self.comm, residual, nodes[nodes >= 0], component)
 
-    # -- beyond the protocol -------------------------------------------------------------------------------------
+    # -- beyond the solver ------------------------------------------------------------------------------------
 
     def set_body_force(self, force: Callable[[Float], Float]) -> None:
         """Dead load per reference area: ``force`` maps points (n, 2) to vectors (n, 2).
@@ -244,7 +225,7 @@ class VemSystem:
         """Degrees of freedom of the whole system, constrained ones included."""
         return self.dofmap.n_dofs_global
 
-    def nodal_values(self, u: Any) -> Float:
+    def nodal_values(self, u: Vec) -> Float:
         """Values (n_nodes, 2) of this rank's nodes, ghosts included."""
         return self._local_values(u).copy()
 
@@ -265,11 +246,9 @@ class VemSystem:
             center_cx = centroids(self.distributed.mesh.points_vx[vertices_cv])
             for m, nodes in enumerate(self.dofmap.cell_moments[cells].T):
                 labels[nodes] = np.column_stack([center_cx, np.full(len(cells), m + 1.0)])
-        first, last = self._owned_range()
-        numbers = self.dofmap.dm.getLGMap().apply((2 * np.arange(len(labels))).astype(PETSc.IntType))
-        owned = (numbers >= first) & (numbers < last)
-        ordered = np.empty(((last - first) // 2, 3))
-        ordered[(numbers[owned] - first) // 2] = labels[owned]
+        places = self.dofmap.owned_node_n
+        ordered = np.empty((int((places >= 0).sum()), 3))
+        ordered[places[places >= 0]] = labels[places >= 0]
         return ordered
 
     def output_polygons(self) -> Polygons:
@@ -290,7 +269,7 @@ class VemSystem:
             region_names=mesh.region_names,
         )
 
-    def output_displacements(self, u: Any) -> Float:
+    def output_displacements(self, u: Vec) -> Float:
         """Displacements (n_points, 2) of the points of :meth:`output_polygons`."""
         nodes = np.concatenate([self.dofmap.vertex_nodes, self.dofmap.edge_nodes.ravel()])
         displacement: Float = self._local_values(u)[nodes]
@@ -307,7 +286,7 @@ class VemSystem:
             area_c[block.cells] = block.weights().sum(axis=1)
         return area_c
 
-    def cell_energies(self, u: Any, without: str = "") -> Float:
+    def cell_energies(self, u: Vec, without: str = "") -> Float:
         """Energy (n_cells,) of each local cell; the parameter ``without``, where an energy has it, is set to 0."""
         u_nodes = self._local_values(u)
         energies = np.empty(self.distributed.mesh.n_cells)
@@ -317,7 +296,7 @@ class VemSystem:
             energies[block.cells] = block.kernel.cells(block.batch, u_nodes, parameters).energy_c
         return energies
 
-    def cell_jacobians(self, u: Any) -> tuple[Float, Float]:
+    def cell_jacobians(self, u: Vec) -> tuple[Float, Float]:
         """Mean and smallest J (n_cells,) of each local cell."""
         u_nodes = self._local_values(u)
         mean, smallest = np.empty((2, self.distributed.mesh.n_cells))
@@ -330,7 +309,7 @@ class VemSystem:
                 smallest[block.cells[chosen]] = J.min(axis=1)
         return mean, smallest
 
-    def dense_jacobians(self, u: Any) -> Float:
+    def dense_jacobians(self, u: Vec) -> Float:
         """Smallest J (n_cells,) of each local cell on a grid much finer than the quadrature's."""
         u_nodes, mesh = self._local_values(u), self.distributed.mesh
         smallest = np.empty(mesh.n_cells)
@@ -354,14 +333,20 @@ class VemSystem:
 
     # -- internals -----------------------------------------------------------------------------------------------
 
-    def _locate(self, prescribed: Sequence[Prescribed]) -> tuple[Int, Float]:
-        """Local constrained degrees of freedom, without duplicates, and their values at load factor 1."""
-        values: dict[int, float] = {}
-        for condition in prescribed:
-            for node in self._named_nodes(condition.where).tolist():
-                values[2 * node + condition.component] = condition.value
-        dofs = np.array(sorted(values), dtype=np.int64)
-        return dofs, np.array([values[dof] for dof in dofs.tolist()])
+    def _owned_constrained(self) -> Int:
+        """Local numbers of the constrained degrees of freedom that this rank owns."""
+        dofs = self._constrained_local.dofs
+        owned: Int = dofs[self.dofmap.owned_node_n[dofs // 2] >= 0]
+        return owned
+
+    def _insertion_into(self, matrix: Mat) -> MatrixInsertion:
+        """Where the tangents go: the same for all matrices of :meth:`create_matrix`, looked up in the first one."""
+        if self._insertion is None:
+            is_constrained = np.zeros(2 * self.dofmap.n_nodes, dtype=bool)
+            is_constrained[self._constrained_local.dofs] = True
+            self._insertion = MatrixInsertion(self.blocks, matrix, self.dofmap.dm.getLGMap(), is_constrained)
+            give_back()
+        return self._insertion
 
     def _nodes_of(self, where: str) -> Int:
         """Local nodes of a named point or edge set (empty if it lies on other ranks).
@@ -390,11 +375,11 @@ class VemSystem:
         nodes: Int = np.flatnonzero(marked)
         return nodes
 
-    def _rigid_motions(self) -> Any:
+    def _rigid_motions(self) -> object:
         """Two translations and the rotation, for multigrid; of a moment, its mean (exact for the one of k = 2)."""
         x_nz = self.node_labels()
         x, y, is_mean = x_nz[:, 0], x_nz[:, 1], x_nz[:, 2] <= 1.0
-        motions: list[Any] = []
+        motions: list[Vec] = []
         for motion in ((is_mean, 0.0 * x), (0.0 * x, is_mean), (-y * is_mean, x * is_mean)):
             vector = self.create_vector()
             vector.getArray()[:] = np.column_stack(motion).ravel()
@@ -404,12 +389,6 @@ class VemSystem:
             motions.append(vector)
         return PETSc.NullSpace().create(vectors=motions, comm=self.comm)
 
-    def _owned_range(self) -> tuple[int, int]:
-        probe = self.dofmap.dm.getGlobalVec()
-        first, last = probe.getOwnershipRange()
-        self.dofmap.dm.restoreGlobalVec(probe)
-        return first, last
-
     def _extent(self) -> float:
         points = self.distributed.mesh.points_vx
         mine = [points.min(axis=0), points.max(axis=0)] if len(points) else []
@@ -417,17 +396,17 @@ class VemSystem:
         low, high = np.min(corners, axis=0), np.max(corners, axis=0)
         return float(np.max(high - low))
 
-    def _local_values(self, u: Any) -> Float:
+    def _local_values(self, u: Vec) -> Float:
         self.dofmap.dm.globalToLocal(u, self._local)
         array: Float = self._local.getArray().reshape(-1, 2)
         return array
 
-    def _add(self, total: Float, out: Any) -> None:
+    def _add(self, total: Float, out: Vec) -> None:
         """Sum the ranks' contributions to shared nodes into a global vector."""
         self._work.getArray()[:] = total
         self._add_work(out)
 
-    def _add_work(self, out: Any) -> None:
+    def _add_work(self, out: Vec) -> None:
         """The same for what is in the work vector."""
         out.set(0.0)
         self.dofmap.dm.localToGlobal(self._work, out, addv=PETSc.InsertMode.ADD_VALUES)
@@ -455,22 +434,15 @@ class VemSystem:
         return [block.kernel.cells(block.batch, u_nodes, block.parameters, residual) for block in self.blocks]
 
     def _evaluation(self, values: Sequence[CellValues], u_nodes: Float) -> Evaluation:
-        energy = dict.fromkeys(self.regions, 0.0)
-        smallest = dict.fromkeys(self.regions, (np.inf, -1))
+        shares = Shares(self.regions)
         for block, value in zip(self.blocks, values, strict=True):
-            energy[block.region] += float(value.energy_c.sum())
-            position = int(np.argmin(value.min_j_c))  # argmin takes a NaN for the smallest
-            candidate = (float(value.min_j_c[position]), int(self.distributed.cell_ids[block.cells[position]]))
-            if not candidate[0] >= smallest[block.region][0]:
-                smallest[block.region] = candidate
+            shares.add_cells(block.region, value.energy_c, value.min_j_c, self.distributed.cell_ids[block.cells])
         work = 0.0 if self._load_nodes is None else float((self._load_nodes * u_nodes).sum())
-        parts = self.comm.allgather((energy, smallest, work))
-        regions, worst = {}, (np.inf, -1, "")
-        for region in self.regions:
-            lowest = min((part[1][region] for part in parts), key=lambda c: c[0] if c[0] == c[0] else -np.inf)
-            regions[region] = RegionValues(sum(part[0][region] for part in parts), lowest[0])
-            if not lowest[0] >= worst[0]:
-                worst = (lowest[0], lowest[1], region)
-        where = f"J = {worst[0]:.3g} in cell {worst[1]} of region '{worst[2]}'"
-        stored = sum(r.energy for r in regions.values())
-        return Evaluation(stored - sum(part[2] for part in parts), regions, where)
+        return shares.together(self.comm, work)
+
+
+if TYPE_CHECKING:
+
+    def _discretisation(system: VemSystem) -> Discretisation:
+        """Seen by mypy only: that the class fulfils the protocol."""
+        return system

@@ -11,16 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from tmc_vem.mesh.polygon import Edges, PolygonMesh
 from tmc_vem.mesh.spread.plex import cone_sizes, cones, set_cell_types, set_cone_sizes
-from tmc_vem.support.parallel import on_root
+from tmc_vem.support.distributed import Comm
+from tmc_vem.support.parallel import from_root, on_root
 
 Int = NDArray[np.int64]
 
@@ -40,7 +41,7 @@ class DistributedMesh:
         cost_c: expected work of each local cell, which the partitioner has balanced.
     """
 
-    comm: MPI.Intracomm
+    comm: Comm
     mesh: PolygonMesh
     edges: Edges
     plex: Any
@@ -55,7 +56,7 @@ class DistributedMesh:
 
 
 def distribute(
-    comm: MPI.Intracomm, make_mesh: Callable[[], PolygonMesh], costs: Mapping[str, float] | None = None
+    comm: Comm, make_mesh: Callable[[], PolygonMesh], costs: Mapping[str, float] | None = None
 ) -> DistributedMesh:
     """Make the mesh on the root rank and distribute its cells, each to exactly one rank.
 
@@ -75,10 +76,8 @@ def distribute(
     cells = _distribute_field(comm, plex, migration, 0, cell_field)
     vertices = _distribute_field(comm, plex, migration, len(cell_field), vertex_field)
 
-    names = None if mesh is None else (mesh.region_names, dict(mesh.named_points), dict(mesh.named_edges))
-    sizes = None if mesh is None else (mesh.n_cells, mesh.n_vertices)
-    region_names, named_points, named_edges = comm.bcast(names)
-    n_cells_global, n_vertices_global = comm.bcast(sizes)
+    (region_names, named_points, named_edges), sizes = from_root(comm, partial(_names_and_sizes, mesh))
+    n_cells_global, n_vertices_global = sizes
     del mesh, cell_field, vertex_field
 
     cell_points = np.arange(*plex.getHeightStratum(0))
@@ -110,7 +109,16 @@ def cell_costs(mesh: PolygonMesh, costs: Mapping[str, float]) -> NDArray[np.floa
     return work
 
 
-def _weights(comm: MPI.Intracomm, plex: Any, mesh: PolygonMesh | None, costs: Mapping[str, float]) -> Any:
+def _names_and_sizes(
+    mesh: PolygonMesh | None,
+) -> tuple[tuple[tuple[str, ...], dict[str, int], dict[str, Int]], tuple[int, int]]:
+    """Names of regions, points and edges, and the numbers of cells and vertices, of the mesh on rank 0."""
+    assert mesh is not None
+    names = mesh.region_names, dict(mesh.named_points), dict(mesh.named_edges)
+    return names, (mesh.n_cells, mesh.n_vertices)
+
+
+def _weights(comm: Comm, plex: Any, mesh: PolygonMesh | None, costs: Mapping[str, float]) -> Any:
     """Section whose numbers of degrees of freedom the partitioner takes for the weights of cells."""
     section = PETSc.Section().create(comm=comm)
     section.setChart(*plex.getChart())
@@ -121,7 +129,7 @@ def _weights(comm: MPI.Intracomm, plex: Any, mesh: PolygonMesh | None, costs: Ma
     return section
 
 
-def _serial_plex(comm: MPI.Intracomm, mesh: PolygonMesh | None) -> tuple[Any, NDArray[Any], NDArray[Any]]:
+def _serial_plex(comm: Comm, mesh: PolygonMesh | None) -> tuple[Any, NDArray[Any], NDArray[Any]]:
     """DMPlex with all points on rank 0, and per point its cell data (n, 2) or vertex data (n, 3)."""
     plex = PETSc.DMPlex().create(comm=comm)
     plex.setDimension(2)
@@ -158,7 +166,7 @@ def _serial_plex(comm: MPI.Intracomm, mesh: PolygonMesh | None) -> tuple[Any, ND
 
 
 def _distribute_field(
-    comm: MPI.Intracomm, plex: Any, migration: Any, first_point: int, values: NDArray[np.float64]
+    comm: Comm, plex: Any, migration: Any, first_point: int, values: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Move the values (n, width) of consecutive points of the serial DMPlex to where the points went."""
     if migration is None:  # one rank: nothing moved
