@@ -2,6 +2,8 @@
 
 PYTHON := .venv/bin/python
 export OMP_NUM_THREADS := 1
+# processes that share the test files; the tests under mpirun start more
+WORKERS ?= 2
 # Open MPI refuses root and more ranks than cores unless told otherwise; the tests do both.
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
@@ -14,7 +16,7 @@ demo: .venv/.ready ## solve the box; show gap, picture and where the report is
 	$(PYTHON) demos/demo_box.py
 
 test: .venv/.ready ## unit tests, MPI on 1 to 4 ranks, demos --quick
-	$(PYTHON) -m pytest -m "not slow and not paper"
+	$(PYTHON) -m pytest -m "not slow and not paper" -n $(WORKERS) --dist loadfile
 
 test-slow: .venv/.ready ## longer checks
 	$(PYTHON) -m pytest -m slow

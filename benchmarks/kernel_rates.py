@@ -21,16 +21,18 @@ from harness import interleaved, report
 from meshes import DOFS_PER_CELL, ENERGIES, VALUES, bend, region, square
 from mpi4py import MPI
 
-from codegen.batch import Tangents
 from codegen.build import FLAGS, compiler
 from codegen.compiler import generate
+from codegen.integrand import LAYOUT, second_gradient_energy
 from codegen.ir import KernelSource
 from codegen.trace import trace
 from tmc_vem.energy import DENSITIES
 from tmc_vem.mesh.spread.distribute import distribute
+from tmc_vem.vem.kernel.batch import Tangents
+from tmc_vem.vem.kernel.driver import CELL_DRIVER
 from tmc_vem.vem.system import VemSystem
 
-LANES = 8
+LANES = LAYOUT.lanes
 CELLS = {"quadrilateral": (9, 16), "pentagon": (11, 30), "hexagon": (13, 36), "heptagon": (15, 42)}  # functions, points
 
 # Appended to the kernel, whose functions are static. Seconds for eight cells, once a repetition.
@@ -76,7 +78,8 @@ void benchmark(int n, int n_q, int repeats, const double *x, const double *param
 def generated(name: str) -> KernelSource:
     """The generated C of an energy."""
     energy = DENSITIES[ENERGIES[name]]
-    return generate(trace(energy.density, energy.name, energy.parameters), energy.description)
+    integrand = second_gradient_energy(energy.density, energy.name, energy.parameters)
+    return generate(trace(integrand), energy.description, driver=CELL_DRIVER)
 
 
 def build(source: KernelSource, directory: Path) -> ctypes.CDLL:
@@ -90,8 +93,8 @@ def build(source: KernelSource, directory: Path) -> ctypes.CDLL:
 
 def parts(library: ctypes.CDLL, source: KernelSource, n: int, n_q: int) -> dict[str, dict[str, float]]:
     """Operations and seconds a cell of the point kernel, the product w D B and the contraction; best of ten."""
-    rows = 6 if source.uses_second_gradient else 2
-    x = np.ascontiguousarray(np.random.default_rng(0).normal(scale=0.05, size=(12, LANES)))
+    rows = source.n_rows
+    x = np.ascontiguousarray(np.random.default_rng(0).normal(scale=0.05, size=(LAYOUT.n_inputs, LANES)))
     parameters = np.array([VALUES[name] for name in source.parameters])
     best = np.full(3, np.inf)
     for _ in range(10):
@@ -131,7 +134,7 @@ def whole_tangent(kind: str, name: str) -> dict[str, float]:
     u.getArray()[:] = bend(system.node_labels()[:, :2]).ravel()
     seconds = interleaved({"": lambda: system.jacobian(u, matrix)})[""].best
     source, flops, n_bytes = generated(name), 0.0, 0.0
-    rows = 6 if source.uses_second_gradient else 2
+    rows = source.n_rows
     for block in system.blocks:
         n, n_q, cells = block.batch.n_basis, block.batch.n_points, len(block.cells)
         terms = rows * (n * (n + 1) + n * n) + 3 * rows * rows * n

@@ -23,7 +23,8 @@ from pathlib import Path
 
 import meshio
 
-from tmc_vem.results.records import COLLECTION, COMMAND, HISTORY, RunResult, StepRecord
+from tmc_vem.results.records import COLLECTION, COMMAND, HISTORY, StepRecord
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation.checkpoint import BEFORE, CHECKPOINT, Checkpoint
 from tmc_vem.support.files import TEMPORARY
 

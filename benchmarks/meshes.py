@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from codegen.kernel import compile_energy
+from codegen.integrand import second_gradient_energy
 from tmc_vem.energy import DENSITIES
 from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.make.voronoi import voronoi_mesh
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.vem.blocks import RegionKernel
+from tmc_vem.vem.kernel.cells import compile_cells
 
 ENERGIES = {"huhu_lulu": "medium_huhu_lulu_damped", "angle": "medium_angle_damped", "solid": "solid"}
 VALUES = {"K": 20.0, "mu": 10.0, "gamma": 1e-3, "alpha_r": 0.7, "beta": 5.0}
@@ -33,7 +34,7 @@ def square(kind: str, n_dofs: float) -> PolygonMesh:
 def region(name: str) -> RegionKernel:
     """Compiled energy with the benchmarks' parameters."""
     energy = DENSITIES[ENERGIES.get(name, name)]
-    kernel = compile_energy(energy.density, energy.name, energy.parameters, energy.description)
+    kernel = compile_cells(second_gradient_energy(energy.density, energy.name, energy.parameters))
     return RegionKernel(kernel, kernel.parameter_array(VALUES))
 
 

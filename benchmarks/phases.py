@@ -20,10 +20,10 @@ from meshes import bend
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from codegen.batch import Tangents
 from tmc_vem.problems import Box, Medium
 from tmc_vem.simulation import RunOptions, discretise, run
 from tmc_vem.solve.linear import LinearSolver
+from tmc_vem.vem.kernel.batch import Tangents
 
 EVENTS = {"symbolic": "MatCholFctrSym", "numeric": "MatCholFctrNum", "solve": "MatSolve"}
 KINDS = {"quadrilaterals": (80, 25), "voronoi": (80, 25)}

@@ -23,6 +23,7 @@ from rich.table import Table
 
 from codegen.build import FLAGS, compiler
 from codegen.compiler import generate
+from codegen.integrand import second_gradient_energy
 from codegen.sampling import REGIMES, sample
 from codegen.trace import trace
 from tmc_vem.energy import DENSITIES
@@ -80,7 +81,8 @@ def seconds_per_point(library: ctypes.CDLL, level: int, x_bkv: np.ndarray, param
 def compare(name: str) -> list[tuple[str, float, float]]:
     """Level, seconds a point scalar and vectorised; the best of ten interleaved runs of each."""
     energy = DENSITIES[name]
-    source = generate(trace(energy.density, energy.name, energy.parameters)).c_source
+    integrand = second_gradient_energy(energy.density, name, energy.parameters)
+    source = generate(trace(integrand)).c_source
     x_nx = sample(REGIMES[1], N_BATCHES * 8, np.random.default_rng(0), 90.0 if "tangent" in name else 180.0)
     x_bkv = np.ascontiguousarray(x_nx.reshape(N_BATCHES, 8, 12).transpose(0, 2, 1))
     parameters = np.array([PARAMETERS[p] for p in energy.parameters])
@@ -98,11 +100,12 @@ def compare(name: str) -> list[tuple[str, float, float]]:
 
 
 def time_to_first_kernel(name: str) -> tuple[float, float]:
-    """Seconds from the import of codegen to a loaded kernel in a fresh process: cold cache, then cached."""
+    """Seconds from the import of the generator to a loaded kernel in a fresh process: cold cache, then cached."""
     code = (
-        "import time, numpy; t = time.perf_counter(); from codegen.kernel import compile_energy;"
+        "import time, numpy; t = time.perf_counter(); from tmc_vem.vem.kernel.cells import compile_cells;"
+        "from codegen.integrand import second_gradient_energy as energy;"
         f"from tmc_vem.energy import DENSITIES; e = DENSITIES[{name!r}];"
-        "compile_energy(e.density, e.name, e.parameters, e.description); print(time.perf_counter() - t)"
+        "compile_cells(energy(e.density, e.name, e.parameters)); print(time.perf_counter() - t)"
     )
     with tempfile.TemporaryDirectory() as cache:
         environment = {**os.environ, "TMC_VEM_CACHE": cache}

@@ -24,7 +24,7 @@ from tmc_vem.mesh import PolygonMesh
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.problems import Bodies, Box, CBox, Problem, Punch
 from tmc_vem.problems.materials import Medium
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import read_fields, snapshots
 from tmc_vem.simulation import RunOptions, run
 from tmc_vem.support.errors import TmcError

@@ -288,7 +288,7 @@ def study_beam() -> None:
 
 def study_cost() -> None:
     """Seconds for the element tangents of 4000 cells."""
-    from codegen.batch import Tangents
+    from tmc_vem.vem.kernel.batch import Tangents
 
     print("cell            projection   points  dofs  microseconds a tangent")
     for name, polygon in (

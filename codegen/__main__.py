@@ -1,8 +1,8 @@
-"""Entry point of ``python -m codegen``."""
+"""Entry point of ``python -m codegen``: kernels without a driver."""
 
 from __future__ import annotations
 
-from codegen.cli import main
+from codegen.cli import make_command
 
 if __name__ == "__main__":
-    main(prog_name="python -m codegen")
+    make_command()(prog_name="python -m codegen")

@@ -1,9 +1,9 @@
 """Compile generated C and keep the result in a content-addressed cache.
 
-The key covers what the energy computes (its trace), the generator itself, sympy, the compiler, its flags and the
-processor. Any number of processes or MPI ranks may start at once: a lock file lets one of them generate and compile
-while the others wait, and a finished library is moved into place atomically, so a killed compilation leaves nothing
-behind that could be loaded.
+The key covers what the energy computes (its trace), the driver, the generator itself, sympy, the compiler, its flags
+and the processor. Any number of processes or MPI ranks may start at once: a lock file lets one of them generate and
+compile while the others wait, and a finished library is moved into place atomically, so a killed compilation leaves
+nothing behind that could be loaded.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ logger = logging.getLogger(__name__)
 FLAGS = ("-std=gnu99", "-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 # Modules that no generated text depends on; all others, new ones included, are part of the key.
 _BESIDE_THE_PIPELINE = {
-    "__main__.py", "batch.py", "cli.py", "declare.py", "oracle.py", "reference.py", "show.py", "states.py",
-    "tensors.py", "userfile.py", "verify.py",
+    "__main__.py", "cli.py", "declare.py", "oracle.py", "reference.py", "sampling.py", "show.py", "tensors.py",
+    "userfile.py", "verify.py",
 }  # fmt: skip
 CACHE_VARIABLE = "TMC_VEM_CACHE"
 

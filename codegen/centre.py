@@ -18,11 +18,13 @@ from dataclasses import dataclass, field, replace
 
 import sympy as sp
 
+from codegen.integrand import DEFORMATION_GRADIENT
 from codegen.ir import SymExpr
-from codegen.ordering import X_NAMES
+from codegen.layout import Layout
 
-X_SYMBOLS = tuple(sp.Symbol(name, real=True) for name in X_NAMES)
 H11, H22 = sp.Symbol("H11", real=True), sp.Symbol("H22", real=True)  # F - I; its other components are those of F
+F11, F21, F12, F22 = (sp.Symbol(name, real=True) for name in DEFORMATION_GRADIENT.names)
+SHIFTED = {F11: H11, F22: H22}  # the same unknown, counted from F = I
 J = sp.Symbol("J", positive=True)
 J_MINUS_1 = sp.Symbol("Jm1", real=True)
 
@@ -80,10 +82,15 @@ def constant(expression: SymExpr) -> Centred:
     return Centred(expression, expression)
 
 
-def variable(index: int) -> Centred:
-    """Component ``index`` of (F, G) in the order of Appendix C."""
-    symbol = X_SYMBOLS[index]
-    small = {"F11": H11, "F22": H22}.get(X_NAMES[index], symbol)
+def symbols(layout: Layout) -> tuple[SymExpr, ...]:
+    """Symbols of everything that is read, in the order of the vector."""
+    return tuple(sp.Symbol(name, real=True) for name in layout.names)
+
+
+def variable(name: str) -> Centred:
+    """A component of an input."""
+    symbol = sp.Symbol(name, real=True)
+    small = SHIFTED.get(symbol, symbol)
     return Centred(symbol, sp.Integer(small != symbol), {small: sp.S.One}, sp.S.Zero, small)
 
 

@@ -1,4 +1,4 @@
-"""The command ``python -m codegen``: generate, show and check the kernel of an energy."""
+"""The command that generates, shows and checks the kernel of an energy."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from pathlib import Path
 import click
 
 from codegen.compiler import derive, generate, versions
+from codegen.driver import Driver
 from codegen.errors import CodegenError
-from codegen.kernel import compile_energy
+from codegen.kernel import Kernel, compiled
 from codegen.reference import fault_at_reference
 from codegen.show import derivation
 from codegen.trace import trace
@@ -45,30 +46,41 @@ def _parse_parameters(_ctx: click.Context, _option: click.Parameter, values: Seq
     return parsed
 
 
-@click.command("codegen", cls=_OneLineErrors)
-@click.argument("energy", metavar="FILE.py:FUNCTION")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Directory to write NAME.c and NAME.h to.")
-@click.option("--check", is_flag=True, help="Compile the kernel and verify values, derivatives and objectivity.")
-@click.option("--show", is_flag=True, help="Print the symbolic energy, P, T and operation counts.")
-@click.option(
-    "--param",
-    "values",
-    multiple=True,
-    metavar="NAME=VALUE",
-    callback=_parse_parameters,
-    help="Parameter of the energy with its value; repeat for several. Declares it if the file does not.",
-)
-def main(energy: str, output: Path | None, check: bool, show: bool, values: dict[str, float]) -> None:
-    """Generate the C kernel of an energy density written in Python.
+def make_command(driver: Driver | None = None) -> click.Command:
+    """The command for kernels with a driver, or without: a package that has one makes its own command."""
 
-    FILE.py:FUNCTION names a function density(F, G, p, m); package.module:FUNCTION works as well.
-    """
-    if not (output or check or show):
-        raise CodegenError("nothing to do: give -o DIR to write the kernel, --check or --show")
-    loaded = load_density(energy).with_values(values)
-    traced = trace(loaded.function, loaded.name, tuple(loaded.parameters))
-    if output or show:
-        source = generate(traced, loaded.description, versions())
+    @click.command("codegen", cls=_OneLineErrors)
+    @click.argument("energy", metavar="FILE.py:FUNCTION")
+    @click.option("-o", "--output", type=click.Path(path_type=Path), help="Directory to write NAME.c and NAME.h to.")
+    @click.option("--check", is_flag=True, help="Compile the kernel and verify values, derivatives and objectivity.")
+    @click.option("--show", is_flag=True, help="Print the symbolic energy, P, T and operation counts.")
+    @click.option(
+        "--param",
+        "values",
+        multiple=True,
+        metavar="NAME=VALUE",
+        callback=_parse_parameters,
+        help="Parameter of the energy with its value; repeat for several. Declares it if the file does not.",
+    )
+    def main(energy: str, output: Path | None, check: bool, show: bool, values: dict[str, float]) -> None:
+        """Generate the C kernel of an energy density written in Python.
+
+        FILE.py:FUNCTION names a function density(F, G, p, m); package.module:FUNCTION works as well.
+        """
+        if not (output or check or show):
+            raise CodegenError("nothing to do: give -o DIR to write the kernel, --check or --show")
+        loaded = load_density(energy).with_values(values)
+        if output or show:
+            _write_and_show(loaded, output, show, driver)
+        if check and not _check(loaded, driver):
+            click.get_current_context().exit(1)
+
+    return main
+
+
+def _write_and_show(loaded: LoadedDensity, output: Path | None, show: bool, driver: Driver | None) -> None:
+    traced = trace(loaded.integrand)
+    source = generate(traced, loaded.description, versions(), driver)
     if output:
         for path in _write(output, loaded.name, {".c": source.c_source, ".h": source.header}):
             click.echo(f"wrote {path}")
@@ -76,8 +88,6 @@ def main(energy: str, output: Path | None, check: bool, show: bool, values: dict
         fault = fault_at_reference(traced, _values(loaded))
         for line in derivation(derive(traced), source, fault):
             click.echo(line)
-    if check and not _check(loaded):
-        click.get_current_context().exit(1)
 
 
 def _write(directory: Path, name: str, texts: Mapping[str, str]) -> list[Path]:
@@ -97,10 +107,10 @@ def _values(loaded: LoadedDensity) -> dict[str, float]:
     return {name: UNSET if value is None else value for name, value in loaded.parameters.items()}
 
 
-def _check(loaded: LoadedDensity) -> bool:
+def _check(loaded: LoadedDensity, driver: Driver | None) -> bool:
     """Compile the kernel, print the verification table, and say whether everything passed."""
     values = _values(loaded)
-    kernel = compile_energy(loaded.function, loaded.name, tuple(values), loaded.description)
+    kernel = Kernel(compiled(loaded.integrand, driver), loaded.integrand)
     findings = verify(kernel, loaded.function, values, loaded.declared)
     _print_table(loaded, values, findings)
     return all(finding.passed for finding in findings)

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
+from codegen.driver import Driver
 from codegen.ir import DerivedEnergy, KernelSource
 from codegen.trace import TracedEnergy
 
@@ -19,13 +20,19 @@ logger = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
-def generate(traced: TracedEnergy, description: str = "", versions: Mapping[str, str] | None = None) -> KernelSource:
+def generate(
+    traced: TracedEnergy,
+    description: str = "",
+    versions: Mapping[str, str] | None = None,
+    driver: Driver | None = None,
+) -> KernelSource:
     """C source of a traced energy.
 
     Args:
         traced: from :func:`codegen.trace.trace`.
         description: for the provenance comment.
         versions: for the provenance comment, from :func:`versions`; left out of kernels that only the cache sees.
+        driver: what the kernel has besides the functions of a point.
 
     Raises:
         CodegenError: the energy cannot be differentiated.
@@ -35,7 +42,7 @@ def generate(traced: TracedEnergy, description: str = "", versions: Mapping[str,
 
     derived = derive(traced)
     schedules = _timed("schedule", lambda: schedule(derived))
-    return _timed("print", lambda: kernel_source(derived, schedules, description, versions))
+    return _timed("print", lambda: kernel_source(derived, schedules, description, versions, driver))
 
 
 def derive(traced: TracedEnergy) -> DerivedEnergy:

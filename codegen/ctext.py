@@ -7,15 +7,14 @@ from pathlib import Path
 HERE = Path(__file__).parent
 
 
-def abi_header() -> str:
-    """Text of kernel_abi.h."""
-    return HERE.joinpath("kernel_abi.h").read_text()
+def points_header() -> str:
+    """Text of points.h: what every kernel exports."""
+    return HERE.joinpath("points.h").read_text()
 
 
-def driver_source() -> str:
-    """Text of the cell driver: its files in the order in which they build on each other."""
-    files = ("lanes.c", "shapes.c", "residual.c", "tangent.c", "entries.c")
-    return "\n".join(HERE.joinpath(file).read_text() for file in files)
+def points_source() -> str:
+    """Text of points.c: the functions of a point at many states."""
+    return HERE.joinpath("points.c").read_text()
 
 
 def point_arithmetic_source() -> str:

@@ -16,15 +16,12 @@ from typing import Any
 import sympy as sp
 
 from codegen import centre
-from codegen.centre import H11, H22, J_MINUS_1, X_SYMBOLS, J, Value
+from codegen.centre import F11, F12, F21, F22, J_MINUS_1, SHIFTED, J, Value
 from codegen.errors import CodegenError
 from codegen.ir import DerivedEnergy, SymExpr
-from codegen.ordering import F_NAMES, N_X, X_NAMES
 from codegen.trace import Node, TracedEnergy
 
-F11, F21, F12, F22 = X_SYMBOLS[: len(F_NAMES)]
 COFACTORS = {F11: F22, F21: -F12, F12: -F21, F22: F11}
-SHIFTED = {F11: H11, F22: H22}  # the same unknown, counted from F = I
 
 _FUNCTIONS: dict[str, Callable[..., SymExpr]] = {
     "+": lambda a, b: a + b,
@@ -73,7 +70,7 @@ def _operation(node: Node, arguments: Sequence[Value]) -> Value:
 
 def _leaf(node: Node) -> Value:
     if node.op == "variable":
-        return centre.variable(X_NAMES.index(str(node.value)))
+        return centre.variable(str(node.value))
     is_number = node.op == "const"
     return centre.constant(exact_constant(float(node.value or 0.0)) if is_number else parameter_symbol(str(node.value)))
 
@@ -120,20 +117,22 @@ def differentiate(traced: TracedEnergy) -> DerivedEnergy:
         energy = sp.Add(*(coefficient * x for x, coefficient in value.linear.items())) + value.rest
         gradient_source = energy if not value.linear else plain_energy
 
-    gradient = tuple(_derivatives(gradient_source, X_SYMBOLS))
-    plain_gradient = gradient if gradient_source is plain_energy else tuple(_derivatives(plain_energy, X_SYMBOLS))
-    rows = [_derivatives(plain_gradient[a], X_SYMBOLS[a:]) for a in range(N_X)]
+    variables = centre.symbols(traced.layout)
+    gradient = tuple(_derivatives(gradient_source, variables))
+    plain_gradient = gradient if gradient_source is plain_energy else tuple(_derivatives(plain_energy, variables))
+    rows = [_derivatives(plain_gradient[a], variables[a:]) for a in range(len(variables))]
     hessian = tuple(entry for row in rows for entry in row)
     _require_smooth(traced.name, (energy, *gradient, *hessian))
     return DerivedEnergy(
         name=traced.name,
         parameters=traced.parameters,
+        layout=traced.layout,
+        n_rows=traced.n_rows,
         energy=energy,
         gradient=gradient,
         hessian=hessian,
         plain_energy=plain_energy,
         plain_gradient=plain_gradient,
-        uses_second_gradient=traced.uses_second_gradient,
     )
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from codegen.layout import Layout
+
 SymExpr = Any  # a sympy expression; sympy itself is imported only where expressions are worked on
 
 LEVELS = ("energy", "gradient", "tangent")
@@ -14,19 +16,21 @@ LEVELS = ("energy", "gradient", "tangent")
 class DerivedEnergy:
     """Energy, gradient and upper triangle of the Hessian as sympy expressions in F, G, J and the parameters.
 
-    ``gradient[a]`` is ``d psi / d x_a`` and ``hessian[n]`` belongs to the pair ``ordering.UPPER_TRIANGLE[n]``.
+    ``gradient[a]`` is ``d psi / d x_a`` and ``hessian[n]`` belongs to the pair ``layout.upper_triangle[n]``.
+    ``n_rows`` is the number of derivative rows up to the last that the energy depends on.
     ``energy`` and ``gradient`` are in the form that is accurate near F = I, ``plain_energy`` and ``plain_gradient`` in
     the form that people read.
     """
 
     name: str
     parameters: tuple[str, ...]
+    layout: Layout
+    n_rows: int
     energy: SymExpr
     gradient: tuple[SymExpr, ...]
     hessian: tuple[SymExpr, ...]
     plain_energy: SymExpr
     plain_gradient: tuple[SymExpr, ...]
-    uses_second_gradient: bool
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,7 @@ class KernelSource:
     Attributes:
         c_source: the kernel, complete in itself.
         header: its declarations, for programs in C and C++ that call it.
+        n_rows: derivative rows of the basis that it uses.
         operations: of a point by level, after sharing subexpressions; ``operations_before`` before that.
     """
 
@@ -62,6 +67,6 @@ class KernelSource:
     parameters: tuple[str, ...]
     c_source: str
     header: str
-    uses_second_gradient: bool
+    n_rows: int
     operations: dict[str, int]
     operations_before: dict[str, int]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.ordering import F_INDICES, G_INDICES, N_F, N_X
+from codegen.integrand import LAYOUT
 
 Array = NDArray[np.float64]
 
@@ -37,19 +37,14 @@ def components(x_nx: NDArray[Any]) -> tuple[Any, Any]:
     Args:
         x_nx: (n_states, 12) displacement gradient F - I and G in the order of Appendix C.
     """
-    F: list[list[Any]] = [[None, None], [None, None]]
-    G: list[list[list[Any]]] = [[[None, None], [None, None]], [[None, None], [None, None]]]
-    for a, (i, j) in enumerate(F_INDICES):
-        F[i][j] = x_nx[:, a] + (i == j)
-    for a, (i, j, k) in enumerate(G_INDICES):
-        G[i][j][k] = x_nx[:, N_F + a]
+    F, G = LAYOUT.tensors(lambda a: x_nx[:, a] + LAYOUT.at_rest[a])
     return F, G
 
 
 def one_state(x_x: NDArray[Any]) -> tuple[Any, Any]:
     """``F[i][j]`` and ``G[i][j][k]`` of a single state (12,) as numbers."""
-    F, G = components(x_x[None])
-    return [[entry[0] for entry in row] for row in F], [[[entry[0] for entry in row] for row in plane] for plane in G]
+    F, G = LAYOUT.tensors(lambda a: x_x[a] + LAYOUT.at_rest[a])
+    return F, G
 
 
 def energy_density(density: Callable[..., Any], x_nx: NDArray[Any], parameters: Mapping[str, float]) -> NDArray[Any]:
@@ -71,7 +66,7 @@ def energy_density(density: Callable[..., Any], x_nx: NDArray[Any], parameters: 
 def gradient(density: Callable[..., Any], x_nx: Array, parameters: Mapping[str, float]) -> Array:
     """dpsi/dx, (n_states, 12), by the complex step: accurate to rounding and independent of any symbolic derivative."""
     g_nx = np.empty_like(x_nx)
-    for a in range(N_X):
+    for a in range(LAYOUT.n_inputs):
         shifted = x_nx.astype(np.complex128)
         shifted[:, a] += 1j * STEP
         g_nx[:, a] = np.imag(energy_density(density, shifted, parameters)) / STEP
@@ -81,6 +76,6 @@ def gradient(density: Callable[..., Any], x_nx: Array, parameters: Mapping[str, 
 def hand_written_gradient(hook: Callable[..., Any], x_nx: Array, parameters: Mapping[str, float]) -> Array:
     """dpsi/dx, (n_states, 12), from a function ``hook(F, G, p, m) -> (P, T)``."""
     F, G = components(x_nx)
-    P, T = hook(F, G, SimpleNamespace(**parameters), numpy_namespace())
-    rows = [P[i][j] for i, j in F_INDICES] + [T[i][j][k] for i, j, k in G_INDICES]
-    return np.stack([np.broadcast_to(np.asarray(row, dtype=float), (len(x_nx),)) for row in rows], axis=1)
+    duals = hook(F, G, SimpleNamespace(**parameters), numpy_namespace())
+    entries = [entry for of, dual in zip(LAYOUT.inputs, duals, strict=True) for entry in of.components(dual)]
+    return np.stack([np.broadcast_to(np.asarray(entry, dtype=float), (len(x_nx),)) for entry in entries], axis=1)

@@ -7,8 +7,6 @@ from collections.abc import Callable, Mapping
 
 from codegen.trace import TracedEnergy
 
-_DIAGONAL = ("F11", "F22")
-
 
 def fault_at_reference(traced: TracedEnergy, parameters: Mapping[str, float]) -> str:
     """The first operation that has no value or no derivatives at F = I, G = 0, with the remedy; empty if all have.
@@ -17,11 +15,12 @@ def fault_at_reference(traced: TracedEnergy, parameters: Mapping[str, float]) ->
         traced: the energy.
         parameters: values of its parameters.
     """
+    at_rest = dict(zip(traced.layout.names, map(float, traced.layout.at_rest), strict=True))
     values: list[float] = []
     for node in traced.nodes:
         arguments = [values[a] for a in node.args]
         if node.op == "variable":
-            values.append(1.0 if node.value in _DIAGONAL else 0.0)
+            values.append(at_rest[str(node.value)])
         elif node.op == "parameter":
             values.append(float(parameters[str(node.value)]))
         elif node.op == "const":

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.ordering import F_INDICES, G_INDICES
+from codegen.integrand import LAYOUT
+from codegen.layout import Input
 
 Array = NDArray[np.float64]
 
@@ -54,18 +55,19 @@ def rotation_matrix(degrees: Array) -> Array:
 
 def to_vector(F_nij: Array, G_nijk: Array) -> Array:
     """(n, 12) states from deformation gradients and second gradients."""
-    f = [F_nij[:, i, j] - (i == j) for i, j in F_INDICES]
-    return np.stack(f + [G_nijk[:, i, j, k] for i, j, k in G_INDICES], axis=1)
+    parts = [_part(of, tensor) for of, tensor in zip(LAYOUT.inputs, (F_nij, G_nijk), strict=True)]
+    return np.concatenate(parts, axis=1)
+
+
+def _part(of: Input, tensor: Array) -> Array:
+    entries = of.components(np.moveaxis(tensor, 0, -1))
+    return np.stack([entry - of.at_rest(index) for index, entry in zip(of.indices, entries, strict=True)], axis=1)
 
 
 def from_vector(x_nx: Array) -> tuple[Array, Array]:
     """Inverse of :func:`to_vector`."""
-    F, G = np.empty((len(x_nx), 2, 2)), np.empty((len(x_nx), 2, 2, 2))
-    for a, (i, j) in enumerate(F_INDICES):
-        F[:, i, j] = x_nx[:, a] + (i == j)
-    for a, (i, j, k) in enumerate(G_INDICES):
-        G[:, i, j, k] = x_nx[:, len(F_INDICES) + a]
-    return F, G
+    F, G = LAYOUT.tensors(lambda a: x_nx[:, a] + LAYOUT.at_rest[a])
+    return np.ascontiguousarray(np.moveaxis(F, -1, 0)), np.ascontiguousarray(np.moveaxis(G, -1, 0))
 
 
 def rotate(x_nx: Array, degrees: Array) -> Array:
@@ -85,7 +87,7 @@ def directions(x_nx: Array, rng: np.random.Generator) -> Array:
     dJ = np.einsum("nij,nij->n", _cofactor(F), dF)
     size_f = np.minimum(J / np.abs(dJ), _norm(F) / _norm(dF))
     size_g = np.maximum(_norm(G), 0.1) / _norm(dG)
-    return np.concatenate([d[:, :4] * size_f[:, None], d[:, 4:] * size_g[:, None]], axis=1)
+    return np.concatenate([d[:, LAYOUT.part("F")] * size_f[:, None], d[:, LAYOUT.part("G")] * size_g[:, None]], axis=1)
 
 
 def _cofactor(F: Array) -> Array:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from codegen.integrand import stress_names
 from codegen.ir import LEVELS, DerivedEnergy, KernelSource
-from codegen.ordering import F_INDICES, G_INDICES, N_F
 
 
 def derivation(derived: DerivedEnergy, source: KernelSource, fault: str = "") -> Iterator[str]:
@@ -24,10 +24,8 @@ def derivation(derived: DerivedEnergy, source: KernelSource, fault: str = "") ->
 
     yield f"{derived.name}({', '.join(derived.parameters)}), with J = det F:"
     yield f"  psi = {text(derived.plain_energy)}"
-    for (i, j), value in zip(F_INDICES, derived.plain_gradient[:N_F], strict=True):
-        yield f"  P{i + 1}{j + 1} = {text(value)}"
-    for (i, j, k), value in zip(G_INDICES, derived.plain_gradient[N_F:], strict=True):
-        yield f"  T{i + 1}{j + 1}{k + 1} = {text(value)}"
+    for name, value in zip(stress_names(derived.layout), derived.plain_gradient, strict=True):
+        yield f"  {name} = {text(value)}"
     zeros = sum(entry == 0 for entry in derived.hessian)
     yield f"  {len(derived.hessian) - zeros} of the {len(derived.hessian)} second derivatives are not identically zero"
     yield "operations at a point, before and after sharing subexpressions:"

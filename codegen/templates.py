@@ -1,7 +1,7 @@
 """Stage 5: put the pieces of the C translation unit together.
 
-Input: schedules. Output: :class:`~codegen.ir.KernelSource`, a self-contained C99 file (point kernels for each level,
-then the cell driver, which is the same for every energy).
+Input: schedules. Output: :class:`~codegen.ir.KernelSource`, a self-contained C99 file: point kernels for each level,
+then what calls them, which is the same for every energy.
 """
 
 from __future__ import annotations
@@ -9,14 +9,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from codegen.cprinter import c_expression
-from codegen.ctext import abi_header, driver_source, point_arithmetic_source
+from codegen.ctext import point_arithmetic_source, points_header, points_source
 from codegen.derive import parameter_symbol, symbol_names
+from codegen.driver import Driver
+from codegen.integrand import DEFORMATION_GRADIENT
 from codegen.ir import LEVELS, DerivedEnergy, KernelSource, Schedule
-from codegen.ordering import F_NAMES, X_NAMES
+from codegen.layout import Layout
 
 J_NAMES = {"J", "Jm1", "logJ", "logJr", "invJ"}
 _DERIVATIVES = {"energy": "", "gradient": "g", "tangent": "gh"}  # what a level writes besides psi
-LANES = 8  # quadrature points evaluated at once: one AVX-512 register of doubles
 
 _PREAMBLE = """\
 #include <math.h>
@@ -50,7 +51,7 @@ _HEADER = """\
 extern "C" {{
 #endif
 
-{abi}
+{declarations}
 #ifdef __cplusplus
 }}
 #endif
@@ -64,25 +65,28 @@ def kernel_source(
     schedules: Mapping[str, Schedule],
     description: str = "",
     versions: Mapping[str, str] | None = None,
+    driver: Driver | None = None,
 ) -> KernelSource:
     """The complete C source of an energy and its header; ``versions`` go into the provenance comment."""
     provenance = _provenance(derived, schedules, description, versions or {})
+    header = points_header() + (f"\n{driver.declarations}" if driver else "")
     parts = [
         provenance,
         _PREAMBLE,
-        f"enum {{ LANES = {LANES}, N_ROWS = {6 if derived.uses_second_gradient else 2} }};\n",
-        abi_header(),
+        derived.layout.c_constants(derived.n_rows),
+        header,
         "const int tmc_n_rows = N_ROWS;\n",
         point_arithmetic_source(),
         *(_point_kernel(derived, schedules[level]) for level in LEVELS),
-        driver_source(),
+        points_source(),
+        *([driver.source] if driver else []),
     ]
     return KernelSource(
         name=derived.name,
         parameters=derived.parameters,
         c_source="\n".join(parts),
-        header=_HEADER.format(provenance=provenance, abi=abi_header()),
-        uses_second_gradient=derived.uses_second_gradient,
+        header=_HEADER.format(provenance=provenance, declarations=header),
+        n_rows=derived.n_rows,
         operations={level: schedules[level].operations for level in LEVELS},
         operations_before={level: schedules[level].operations_before for level in LEVELS},
     )
@@ -120,24 +124,24 @@ def _point_kernel(derived: DerivedEnergy, schedule: Schedule) -> str:
     head += [f"  (void){name};" for name in _DERIVATIVES[schedule.level] if name not in written]
     head += ["  LANES_ARE_INDEPENDENT", "  for (int v = 0; v < LANES; ++v) {"]
 
-    body = [*_inputs(used), *_jacobian_functions(used)]
+    body = [*_inputs(derived.layout, used), *_jacobian_functions(used)]
     body += [f"const double {a.target} = {c_expression(a.value)};" for a in schedule.temporaries]
     body += [f"{_lane(a.target)} = {c_expression(a.value)};" for a in schedule.outputs]
     return "\n".join([*head, *(f"    {line}" for line in body), "  }", "}", ""])
 
 
-def _inputs(used: set[str]) -> list[str]:
+def _inputs(layout: Layout, used: set[str]) -> list[str]:
     """Local names of the components of F - I, F and G that a kernel needs."""
-    diagonal = {"H11": "F11", "H22": "F22"}
     lines = []
-    for n, name in enumerate(X_NAMES):
-        h = f"H{name[1:]}"
-        if h in diagonal:
-            if used & ({h, name} | J_NAMES):
+    for n, (name, at_rest) in enumerate(zip(layout.names, layout.at_rest, strict=True)):
+        wanted = {name, *(J_NAMES if name in DEFORMATION_GRADIENT.names else ())}
+        if at_rest:
+            h = f"H{name[1:]}"
+            if used & {h, *wanted}:
                 lines.append(f"const double {h} = x[{n}][v];")
             if name in used:
                 lines.append(f"const double {name} = 1.0 + {h};")
-        elif name in used or (name in F_NAMES and used & J_NAMES):
+        elif used & wanted:
             lines.append(f"const double {name} = x[{n}][v];")
     return lines
 

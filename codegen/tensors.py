@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from codegen.kernel import TANGENT, Kernel
-from codegen.ordering import F_INDICES, G_INDICES, N_F, N_G
+from codegen.sampling import to_vector
 
 Array = NDArray[np.float64]
 
@@ -62,9 +62,8 @@ def stress_and_moduli(
         raise ValueError(f"G_nijk has shape {G.shape}, expected {(len(F), 2, 2, 2)}")
     G = G.reshape(-1, 2, 2, 2)
 
-    columns = [F[:, i, j] - (i == j) for i, j in F_INDICES] + [G[:, i, j, k] for i, j, k in G_INDICES]
-    psi_n, g_nx, h_nxy = kernel.points(TANGENT, np.stack(columns, axis=1), kernel.parameter_array(parameters or {}))
+    psi_n, g_nx, h_nxy = kernel.points(TANGENT, to_vector(F, G), kernel.parameter_array(parameters or {}))
     assert g_nx is not None
     assert h_nxy is not None
-    f, g = slice(0, N_F), slice(N_F, N_F + N_G)
+    f, g = kernel.layout.part("F"), kernel.layout.part("G")
     return StressAndModuli(psi_n, g_nx[:, f], g_nx[:, g], h_nxy[:, f, f], h_nxy[:, g, f], h_nxy[:, g, g])

@@ -16,8 +16,10 @@ from typing import Any
 
 from codegen.declare import Declaration, declaration
 from codegen.errors import CodegenError
+from codegen.integrand import LAYOUT, Integrand, second_gradient_energy
 
-SIGNATURE = "(F, G, p, m)"
+ARGUMENTS = (*(entry.name for entry in LAYOUT.inputs), "p", "m")
+SIGNATURE = f"({', '.join(ARGUMENTS)})"
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,11 @@ class LoadedDensity:
     parameters: dict[str, float | None]
     declared: Declaration
     description: str = ""
+
+    @property
+    def integrand(self) -> Integrand:
+        """What it is for the generator."""
+        return second_gradient_energy(self.function, self.name, self.parameters, self.description)
 
     def with_values(self, values: Mapping[str, float]) -> LoadedDensity:
         """The same with parameter values; names that were not declared are added in the order given.
@@ -97,7 +104,7 @@ def as_density(found: Any, name: str = "", place: str = "") -> LoadedDensity:
     with contextlib.suppress(ValueError):  # builtins have no signature to look at
         signature = inspect.signature(function)
         try:
-            signature.bind(*"FGpm")
+            signature.bind(*ARGUMENTS)
         except TypeError:
             raise CodegenError(f"{place}'{name}{signature}' does not take {SIGNATURE}; give it these four") from None
     declared = declaration(function, name)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from codegen import oracle
 from codegen.declare import Declaration
+from codegen.integrand import LAYOUT, second_gradient_energy, stress_names
 from codegen.kernel import ENERGY, GRADIENT, TANGENT, Kernel
-from codegen.ordering import N_X, X_NAMES
 from codegen.reference import fault_at_reference
 from codegen.sampling import REGIMES, SAFETY_ANGLE, Regime, directions, from_vector, rotate, sample
 from codegen.trace import trace
@@ -29,7 +29,7 @@ DIFFERENCE_LIMIT = 1e-5
 REFERENCE_LIMIT = 1e-12
 EXACT = 1e-13
 DECLARED_OTHERWISE = "declared otherwise"
-DERIVATIVE_NAMES = tuple(f"{'P' if name[0] == 'F' else 'T'}{name[1:]}" for name in X_NAMES)
+DERIVATIVE_NAMES = stress_names(LAYOUT)
 GRADIENT_STEPS = (4e-5, 2e-5, 1e-5)  # small, so that a slightly wrong component stands out, yet far above rounding
 HESSIAN_STEPS = (1e-3, 5e-4, 2.5e-4)
 
@@ -179,7 +179,7 @@ def _symmetry(kernel: Kernel, array: Array, x_nx: Array) -> Finding:
     differences = np.empty_like(h)
     F = from_vector(x_nx)[0]
     step = 3e-5 * np.minimum(1.0, np.linalg.det(F) / np.abs(F).max(axis=(1, 2)))
-    for b in range(N_X):
+    for b in range(LAYOUT.n_inputs):
         ahead, behind = x_nx.copy(), x_nx.copy()
         ahead[:, b] += step
         behind[:, b] -= step
@@ -223,9 +223,9 @@ def _objectivity(kernel: Kernel, array: Array, x_nx: Array, declared: Declaratio
 def _reference_state(
     kernel: Kernel, array: Array, density: Callable[..., Any], values: Mapping[str, float], declared: Declaration
 ) -> Iterator[Finding]:
-    psi, g, h = _all_derivatives(kernel, array, np.zeros((1, N_X)))
+    psi, g, h = _all_derivatives(kernel, array, np.zeros((1, LAYOUT.n_inputs)))
     if not (np.isfinite(psi).all() and np.isfinite(g).all() and np.isfinite(h).all()):
-        fault = fault_at_reference(trace(density, kernel.name, kernel.parameters), values)
+        fault = fault_at_reference(trace(second_gradient_energy(density, kernel.name, kernel.parameters)), values)
         what = "The energy" if not np.isfinite(psi).all() else "A derivative of the energy"
         words = f"{what} is infinite or not a number at F = I: {fault or 'it has a singularity there'}."
         yield Finding("finite at F = I", "no", "yes", False, words)
@@ -256,6 +256,6 @@ def _hand_written(
     error = float(error_nx[:, worst].max())
     words = ""
     if not error < VALUE_LIMIT:
-        wrong = [DERIVATIVE_NAMES[a] for a in range(N_X) if not error_nx[:, a].max() < VALUE_LIMIT]
+        wrong = [DERIVATIVE_NAMES[a] for a in range(LAYOUT.n_inputs) if not error_nx[:, a].max() < VALUE_LIMIT]
         words = f"The hand-written gradient is wrong: its components {', '.join(wrong)} are not the energy's."
     return Finding("hand-written gradient", f"{error:.1e}", f"< {VALUE_LIMIT:.0e}", error < VALUE_LIMIT, words)

@@ -29,9 +29,10 @@ git ls-files -z --cached --others --exclude-standard | xargs -0 sh -c 'for f; do
   tar -c -T - | tar -x -C "$copy"
 # The network is that of the host: its names, its certificates, its settings of pip.
 cp -L /etc/resolv.conf "$chroot_dir/etc/resolv.conf"
+certificates="" # beside those of Debian 13, whose package would replace them
 if [ -f /etc/ssl/certs/ca-certificates.crt ]; then
-  mkdir -p "$chroot_dir/etc/ssl/certs"
-  cp -L /etc/ssl/certs/ca-certificates.crt "$chroot_dir/etc/ssl/certs/ca-certificates.crt"
+  certificates=/etc/host-certificates.crt
+  cp -L /etc/ssl/certs/ca-certificates.crt "$chroot_dir$certificates"
 fi
 
 mounted=()
@@ -47,7 +48,7 @@ mount_once tmpfs dev/shm
 
 inside() {
   chroot "$chroot_dir" env -i HOME=/root LANG=C.UTF-8 PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive \
-    XDG_CACHE_HOME=/tmc-vem/build/cache ${PIP_CERT:+PIP_CERT="$PIP_CERT"} ${PIP_INDEX_URL:+PIP_INDEX_URL="$PIP_INDEX_URL"} \
+    XDG_CACHE_HOME=/tmc-vem/build/cache ${certificates:+PIP_CERT="$certificates"} ${PIP_INDEX_URL:+PIP_INDEX_URL="$PIP_INDEX_URL"} \
     PYTEST_ADDOPTS="-rfEs --durations=10" bash -c "cd /tmc-vem; $1"
 }
 inside "for program in $compilers make; do command -v \$program >/dev/null; done" ||

@@ -11,7 +11,7 @@ from helpers_oracle import INSIDE, powers
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from codegen.kernel import Kernel, compile_energy
+from codegen.integrand import second_gradient_energy
 from tmc_vem.energy.registry import DENSITIES
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.mesh.geometry import areas, centroids, diameters
@@ -19,6 +19,7 @@ from tmc_vem.mesh.spread.distribute import distribute
 from tmc_vem.problems import Problem
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.vem.blocks import RegionKernel
+from tmc_vem.vem.kernel.cells import CellKernel, compile_cells
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 from tmc_vem.vem.spaces.quadrature import on_triangles, sub_triangles
 from tmc_vem.vem.spaces.tabulated import points_and_values
@@ -31,10 +32,10 @@ CLAMPED = (Prescribed("boundary", 0), Prescribed("boundary", 1))
 
 
 @cache
-def kernel(name: str) -> Kernel:
+def kernel(name: str) -> CellKernel:
     """Compiled energy of the registry."""
     energy = DENSITIES[name]
-    return compile_energy(energy.density, energy.name, energy.parameters)
+    return compile_cells(second_gradient_energy(energy.density, energy.name, energy.parameters))
 
 
 def region(name: str, **values: float) -> RegionKernel:

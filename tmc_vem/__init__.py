@@ -8,26 +8,30 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from tmc_vem.moved import install as _find_moved_modules
+from tmc_vem.support.version import VERSION as __version__
+
 if TYPE_CHECKING:
     from tmc_vem.problems import Box, Material, Medium
-    from tmc_vem.results.records import RunResult
+    from tmc_vem.results.run_result import RunResult
     from tmc_vem.simulation.options import RunOptions
     from tmc_vem.simulation.simulation import Simulation, prepare, run
-
-__version__ = "0.1.0"
 
 _LAZY = {
     "Box": "tmc_vem.problems",
     "Material": "tmc_vem.problems",
     "Medium": "tmc_vem.problems",
     "RunOptions": "tmc_vem.simulation.options",
-    "RunResult": "tmc_vem.results.records",
+    "RunResult": "tmc_vem.results.run_result",
     "Simulation": "tmc_vem.simulation.simulation",
     "prepare": "tmc_vem.simulation.simulation",
     "run": "tmc_vem.simulation.simulation",
 }
 
 __all__ = ["Box", "Material", "Medium", "RunOptions", "RunResult", "Simulation", "__version__", "prepare", "run"]
+
+
+_find_moved_modules()
 
 
 def __getattr__(name: str) -> Any:

@@ -5,18 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 
 from codegen.compiler import generate
+from codegen.integrand import second_gradient_energy
 from codegen.trace import trace
 from tmc_vem.energy import DENSITIES
 
 DIRECTORY = Path(__file__).parent
 COMMAND = "python tests/golden/update.py"
-START, END = "static void point_energy(", "/* ---- Cell driver"
+START, END = "static void point_energy(", "/* ---- Single states"
 
 
 def golden_text(name: str) -> str:
     """What belongs to one energy: provenance and point kernels, without the parts that all kernels share."""
     energy = DENSITIES[name]
-    source = generate(trace(energy.density, energy.name, energy.parameters), energy.description).c_source
+    source = generate(trace(second_gradient_energy(energy.density, energy.name, energy.parameters)), energy.description).c_source
     provenance = source[: source.index("*/") + 3]
     return provenance + "\n" + source[source.index(START) : source.index(END)].rstrip() + "\n"
 

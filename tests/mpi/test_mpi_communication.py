@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from helpers_process import process
 
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import read_fields, snapshots
 from tmc_vem.system.fields import Fields
 

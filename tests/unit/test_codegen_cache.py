@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import ctypes
 import logging
 import os
 import signal
@@ -14,8 +16,10 @@ import numpy as np
 import pytest
 
 from codegen import build
+from codegen.driver import Driver
 from codegen.errors import CodegenError
-from codegen.kernel import ENERGY, compile_energy
+from codegen.integrand import second_gradient_energy
+from codegen.kernel import ENERGY, compile_energy, compiled
 
 ONE_ENERGY = """
 import logging, sys
@@ -93,6 +97,42 @@ def test_whatever_changes_the_kernel_changes_the_key(cache, monkeypatch, change)
     assert len(libraries(cache)) == 2
 
 
+def imports_of(path: Path) -> set[Path]:
+    """Files of the generator that a file of it imports, wherever in the file."""
+    nodes = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)]
+    names = {node.module for node in nodes} | {f"{node.module}.{alias.name}" for node in nodes for alias in node.names}
+    return {
+        path.with_name(f"{name.removeprefix('codegen.')}.py")
+        for name in names
+        if name.startswith("codegen.") and name.count(".") == 1 and path.with_name(f"{name[8:]}.py").exists()
+    }
+
+
+def test_what_makes_the_text_is_in_the_key():
+    package = Path(build.__file__).parent
+    beside = {package / name for name in build._BESIDE_THE_PIPELINE}
+    assert all(path.is_file() for path in beside)
+    found = {package / name for name in ("kernel.py", "compiler.py")}
+    while (more := found | {other for path in found for other in imports_of(path)}) != found:
+        found = more
+    assert {"trace.py", "derive.py", "templates.py", "layout.py"} <= {path.name for path in found}
+    assert not found & beside
+
+
+def test_a_change_of_a_driver_changes_the_key(cache, tmp_path):
+    integrand = second_gradient_energy(square, "square")
+    keys = []
+    for number in (1, 2):
+        directory = tmp_path / str(number)
+        directory.mkdir()
+        (directory / "mine.h").write_text("int mine(void);\n")
+        (directory / "mine.c").write_text(f"int mine(void) {{ return {number}; }}\n")
+        keys.append(compiled(integrand, Driver(directory / "mine.h", (directory / "mine.c",))))
+    assert len({compiled(integrand), *keys}) == 3
+    assert [ctypes.CDLL(str(key)).mine() for key in keys] == [1, 2]
+    assert "int mine(void);" in keys[0].with_suffix(".c").read_text()
+
+
 def test_processes_that_start_together_compile_once_and_all_load(cache, tmp_path):
     compiler = str(slow_compiler(tmp_path, 0.5))
     runs = [start(CC=compiler) for _ in range(3)]
@@ -123,7 +163,10 @@ def test_a_damaged_kernel_is_named(cache):
     library.unlink()  # the file itself is mapped into this process and must stay whole
     library.write_bytes(b"half")
     # A fresh process: a shared object that is loaded already is not read again.
-    code = "import test_codegen_cache as t; from codegen.kernel import Kernel; Kernel(t.Path({!r}), 'square', ())"
+    code = (
+        "import test_codegen_cache as t; from codegen.kernel import Kernel;"
+        "Kernel(t.Path({!r}), t.second_gradient_energy(t.square, 'square'))"
+    )
     run = subprocess.run(
         [sys.executable, "-c", code.format(str(library))],
         capture_output=True, text=True, check=False, cwd=Path(__file__).parent,
@@ -190,13 +233,14 @@ def test_a_compiler_that_fails_is_quoted_and_leaves_nothing(cache, monkeypatch):
 # Time of the processor, the compiler's included: other programs may be using the machine.
 LOADED = """
 import numpy, subprocess, sys
-from codegen.kernel import compile_energy
+from tmc_vem.vem.kernel.cells import compile_cells
+from codegen.integrand import second_gradient_energy
 from tmc_vem.energy import DENSITIES
 started = []
 run = subprocess.run
 subprocess.run = lambda *words, **options: (started.append(words), run(*words, **options))[1]
 energy = DENSITIES["medium_angle_damped"]
-compile_energy(energy.density, energy.name, energy.parameters, energy.description)
+compile_cells(second_gradient_energy(energy.density, energy.name, energy.parameters))
 print("sympy" in sys.modules, "cffi" in sys.modules, len(started))
 """
 

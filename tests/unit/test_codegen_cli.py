@@ -1,4 +1,4 @@
-"""``python -m codegen`` as a user sees it."""
+"""``tmc-vem codegen`` and ``python -m codegen`` as a user sees them."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner, Result
 
 from codegen.build import compiler
-from codegen.cli import main
+from codegen.cli import make_command
+from tmc_vem.cli.codegen import main
 from tmc_vem.energy import DENSITIES
 
 MY_ENERGIES = """
@@ -49,8 +51,8 @@ def runner() -> CliRunner:
         return CliRunner()
 
 
-def run(*arguments: str) -> Result:
-    result = runner().invoke(main, arguments)
+def run(*arguments: str, command: click.Command = main) -> Result:
+    result = runner().invoke(command, arguments)
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
     return result
 
@@ -80,6 +82,17 @@ def test_the_written_files_work_in_a_c_program(tmp_path):
     library = ctypes.CDLL(str(tmp_path / "use.so"))
     library.energy.restype, library.energy.argtypes = ctypes.c_double, [ctypes.c_double]
     assert library.energy(2.0) == 18.0
+
+
+def test_the_cell_driver_is_part_of_kernels_of_this_package_only(tmp_path):
+    for directory, command in (("cells", main), ("points", make_command())):
+        assert run("mine.py:bending", "-o", directory, command=command).exit_code == 0
+        text = (tmp_path / directory / "bending.c").read_text()
+        header = (tmp_path / directory / "bending.h").read_text()
+        assert ("tmc_cells" in text, "tmc_cells" in header) == (directory == "cells",) * 2
+        assert "tmc_points" in text
+        assert "tmc_points" in header
+    assert run("mine.py:bending", "--check", command=make_command()).exit_code == 0
 
 
 @pytest.mark.parametrize("name", [*DENSITIES, "huhu", "huhu_lulu", "angle", "tangent"])

@@ -15,10 +15,14 @@ import pytest
 
 from codegen import build
 from codegen.compiler import generate
+from codegen.driver import Driver
 from codegen.errors import CodegenError
+from codegen.integrand import second_gradient_energy
 from codegen.kernel import TANGENT, compile_energy
 from codegen.trace import trace
 from tmc_vem.energy import DENSITIES
+from tmc_vem.vem.kernel.cells import compile_cells
+from tmc_vem.vem.kernel.driver import CELL_DRIVER
 
 WARNINGS = ("-Wall", "-Wextra", "-Wshadow", "-Wstrict-prototypes", "-Wvla", "-Werror")
 NAMES = ("gcc", "clang", "cc", *(f"gcc-{n}" for n in range(9, 17)), *(f"clang-{n}" for n in range(11, 22)))
@@ -34,15 +38,16 @@ def compilers() -> list[str]:
 
 
 @cache
-def c_source(name: str) -> str:
+def c_source(name: str, driver: Driver | None) -> str:
     energy = DENSITIES[name]
-    return generate(trace(energy.density, energy.name, energy.parameters), energy.description).c_source
+    traced = trace(second_gradient_energy(energy.density, energy.name, energy.parameters))
+    return generate(traced, energy.description, driver=driver).c_source
 
 
-def assert_silent(monkeypatch, directory: Path, compiler: str, name: str) -> None:
+def assert_silent(monkeypatch, directory: Path, compiler: str, name: str, driver: Driver | None = CELL_DRIVER) -> None:
     monkeypatch.setenv("CC", compiler)
     source = directory / f"{name}.c"
-    source.write_text(c_source(name))
+    source.write_text(c_source(name, driver))
     command = [*build.compile_commands(source, directory / f"{name}.so")[0], *WARNINGS]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (run.returncode, run.stderr) == (0, ""), shlex.join(command)
@@ -52,6 +57,12 @@ def assert_silent(monkeypatch, directory: Path, compiler: str, name: str) -> Non
 @pytest.mark.parametrize("name", DENSITIES)
 def test_no_compiler_warns_about_a_kernel(monkeypatch, tmp_path, compiler, name):
     assert_silent(monkeypatch, tmp_path, compiler, name)
+
+
+@pytest.mark.parametrize("compiler", compilers())
+@pytest.mark.parametrize("name", TWO_KINDS)
+def test_nor_about_one_without_a_driver(monkeypatch, tmp_path, compiler, name):
+    assert_silent(monkeypatch, tmp_path, compiler, name, None)
 
 
 @pytest.mark.parametrize("compiler", compilers())
@@ -110,7 +121,7 @@ def test_a_compiler_without_vector_types_is_refused_in_words(cache_directory, mo
     with pytest.raises(
         CodegenError, match=r"/no-vectors failed: it ignores vector types, .*; set CC to gcc or clang$"
     ) as caught:
-        compile_energy(square, "square", ())
+        compile_cells(second_gradient_energy(square, "square"))
     assert "\n" not in str(caught.value)
 
 
@@ -118,7 +129,7 @@ def test_a_compiler_without_vector_types_is_refused_in_words(cache_directory, mo
 def test_tcc_is_refused_in_words(cache_directory, monkeypatch):
     monkeypatch.setenv("CC", "tcc")
     with pytest.raises(CodegenError, match=r"/tcc failed: it ignores vector types, which kernels are made of; set CC"):
-        compile_energy(square, "square", ())
+        compile_cells(second_gradient_energy(square, "square"))
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from test_codegen_compilers import WARNINGS
 
 from codegen import build, oracle
 from codegen.compiler import generate
+from codegen.integrand import second_gradient_energy
 from codegen.kernel import TANGENT, compile_energy
 from codegen.reference import fault_at_reference
 from codegen.trace import trace
@@ -72,7 +73,7 @@ def test_kernels_without_a_hessian_compile_without_a_warning(density, compiler, 
     if not any(Path(directory, compiler).exists() for directory in ("/usr/bin", "/usr/local/bin")):
         pytest.skip(f"there is no {compiler}")
     source = tmp_path / "kernel.c"
-    source.write_text(generate(trace(density, "mine", ("s",))).c_source)
+    source.write_text(generate(trace(second_gradient_energy(density, "mine", ("s",)))).c_source)
     command = [*build.compile_commands(source, tmp_path / "kernel.so")[0], *WARNINGS]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert not done.stderr
@@ -113,7 +114,7 @@ def test_a_linear_energy_has_no_stiffness_and_its_check_is_finite(density):
     ],
 )
 def test_the_operation_without_derivatives_is_named(function, words):
-    found = fault_at_reference(trace(function, "mine", ()), {})
+    found = fault_at_reference(trace(second_gradient_energy(function, "mine", ())), {})
     assert re.search(words, found), found
 
 

@@ -9,7 +9,12 @@ import pytest
 
 from codegen.compiler import derive
 from codegen.errors import CodegenError
-from codegen.trace import trace
+from codegen.integrand import second_gradient_energy
+from codegen.trace import TracedEnergy, trace
+
+
+def traced(density, parameters=()) -> TracedEnergy:
+    return trace(second_gradient_energy(density, "mine", parameters))
 
 
 def branching(F, G, p, m):
@@ -124,7 +129,7 @@ CASES = [
 @pytest.mark.parametrize(("density", "message"), CASES, ids=lambda case: getattr(case, "__name__", ""))
 def test_what_cannot_be_traced_is_said_in_one_line(density, message):
     with pytest.raises(CodegenError, match=message) as caught:
-        trace(density, "mine", ("mu",))
+        traced(density, ("mu",))
     assert str(caught.value).startswith("energy 'mine'")
     assert "\n" not in str(caught.value)
 
@@ -136,7 +141,7 @@ def test_a_comparison_of_indices_is_a_number():
     def written_out(F, G, p, m):
         return sum((F[i][j] - (1.0 if i == j else 0.0)) ** 2 for i in (0, 1) for j in (0, 1))
 
-    assert trace(kronecker, "mine", ()) == trace(written_out, "mine", ())
+    assert traced(kronecker) == traced(written_out)
 
 
 @pytest.mark.parametrize(
@@ -148,7 +153,7 @@ def test_a_comparison_of_indices_is_a_number():
 )
 def test_what_has_no_second_derivatives_is_said_in_one_line(density, message):
     with pytest.raises(CodegenError, match=f"^energy 'mine': .*{message}"):
-        derive(trace(density, "mine", ()))
+        derive(traced(density))
 
 
 def test_errors_of_the_density_itself_are_named():
@@ -156,7 +161,7 @@ def test_errors_of_the_density_itself_are_named():
         return F[0][0] + undefined_name  # noqa: F821
 
     with pytest.raises(CodegenError, match="energy 'mine': calling it failed with NameError: name 'undefined_name'"):
-        trace(broken, "mine", ())
+        traced(broken)
 
 
 @pytest.mark.parametrize(
@@ -169,7 +174,7 @@ def test_errors_of_the_density_itself_are_named():
 )
 def test_names_of_parameters(names, message):
     with pytest.raises(CodegenError, match=message):
-        trace(lambda F, G, p, m: F[0][0], "mine", names)
+        traced(lambda F, G, p, m: F[0][0], names)
 
 
 # ---- What is recorded -----------------------------------------------------------------------------------------------
@@ -180,13 +185,13 @@ def stretch(F, G, p, m):
 
 
 def test_fingerprint_is_of_what_is_computed_and_not_of_the_text():
-    same = trace(lambda F, G, p, m: p.mu * (F[0][0]) ** 2.0, "mine", ("mu",))
-    original = trace(stretch, "mine", ("mu",))
+    same = traced(lambda F, G, p, m: p.mu * (F[0][0]) ** 2.0, ("mu",))
+    original = traced(stretch, ("mu",))
     assert same.fingerprint() == original.fingerprint()
-    other_number = trace(lambda F, G, p, m: p.mu * F[0][0] ** 3, "mine", ("mu",))
-    other_component = trace(lambda F, G, p, m: p.mu * F[1][1] ** 2, "mine", ("mu",))
-    other_order = trace(lambda F, G, p, m: F[0][0] ** 2 * p.mu, "mine", ("mu",))
-    other_parameters = trace(stretch, "mine", ("mu", "K"))
+    other_number = traced(lambda F, G, p, m: p.mu * F[0][0] ** 3, ("mu",))
+    other_component = traced(lambda F, G, p, m: p.mu * F[1][1] ** 2, ("mu",))
+    other_order = traced(lambda F, G, p, m: F[0][0] ** 2 * p.mu, ("mu",))
+    other_parameters = traced(stretch, ("mu", "K"))
     prints = {t.fingerprint() for t in (original, other_number, other_component, other_order, other_parameters)}
     assert len(prints) == 5
 
@@ -196,8 +201,8 @@ def test_values_that_are_not_used_leave_no_trace():
         m.exp(G[0][0][0] * p.mu)
         return stretch(F, G, p, m)
 
-    assert trace(wasteful, "mine", ("mu",)).fingerprint() == trace(stretch, "mine", ("mu",)).fingerprint()
-    assert not trace(wasteful, "mine", ("mu",)).uses_second_gradient
+    assert traced(wasteful, ("mu",)).fingerprint() == traced(stretch, ("mu",)).fingerprint()
+    assert traced(wasteful, ("mu",)).used == ("F",)
 
 
 def test_numpy_numbers_on_either_side():
@@ -207,4 +212,4 @@ def test_numpy_numbers_on_either_side():
             (lambda F, G, p, m, o=operation: o(two, F[0][0]), lambda F, G, p, m, o=operation: o(2, F[0][0])),
             (lambda F, G, p, m, o=operation: o(F[0][0], two), lambda F, G, p, m, o=operation: o(F[0][0], 2)),
         ):
-            assert trace(with_numpy, "mine", ()).fingerprint() == trace(plain, "mine", ()).fingerprint()
+            assert traced(with_numpy).fingerprint() == traced(plain).fingerprint()

@@ -50,9 +50,9 @@ def test_a_decorated_function(directory):
     assert loaded.name == "bending"
     assert loaded.description == "Squared Laplacian."
     assert loaded.parameters == {"kappa": 0.1, "length": None}
-    traced = trace(loaded.function, loaded.name, tuple(loaded.parameters))
+    traced = trace(loaded.integrand)
     assert traced.parameters == ("kappa", "length")
-    assert traced.uses_second_gradient
+    assert "G" in traced.used
     assert load_density(f"{directory}/my_reg.py:bending").name == "bending"
     assert str(directory) not in sys.path
 

@@ -21,14 +21,15 @@ from tmc_vem.report.comparison import Comparison, Method, comparison_page
 from tmc_vem.report.problem_figure import draw_problem
 from tmc_vem.report.richardson import Extrapolation
 from tmc_vem.report.write import to_markdown
-from tmc_vem.results.records import RunResult, StepRecord
+from tmc_vem.results.records import StepRecord
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation import RunOptions
 from tmc_vem.study.compare import METHODS, cbox_study, compare, converged, voronoi_study
 from tmc_vem.study.paper import table2 as paper_table2
 from tmc_vem.study.paper import table3 as paper_table3
 from tmc_vem.study.paper.point_loads import creep, sinking
+from tmc_vem.study.paper.reproduce import TARGETS, reproduce
 from tmc_vem.study.paper.values import table2, table3
-from tmc_vem.study.reproduce import TARGETS, reproduce
 from tmc_vem.support.errors import InputError
 
 SHORT = ("--uy", "-0.05", "--factor", "1", "--factor", "2", "--factor", "3")

@@ -16,7 +16,7 @@ from tmc_vem.cli.list import list_runs
 from tmc_vem.report.animation import states_of
 from tmc_vem.report.run_page import run_page
 from tmc_vem.report.write import to_markdown
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import BEGUN, process_facts
 from tmc_vem.support.errors import InputError
 

@@ -13,8 +13,9 @@ from test_problem_file import SMALL, small
 
 from tmc_vem import Box
 from tmc_vem.cli.main import _run
-from tmc_vem.mesh.make import cell_count as budget
-from tmc_vem.mesh.make.cell_count import POLYGONS, QUADRILATERALS, TRIANGLES, VARIABLE, check_size, estimate
+from tmc_vem.mesh import cell_count
+from tmc_vem.mesh.cell_count import POLYGONS, QUADRILATERALS, TRIANGLES, VARIABLE
+from tmc_vem.mesh.make.estimate import check_size, estimate
 from tmc_vem.mesh.make.outline import Arc, Region
 from tmc_vem.mesh.make.triangles import triangle_mesh
 from tmc_vem.mesh.make.voronoi import voronoi_mesh
@@ -52,7 +53,7 @@ def test_estimate_near_a_line_is_the_integral() -> None:
 def test_an_estimate_without_end_is_cut_and_says_so() -> None:
     found = estimate(SQUARE, near_a_line(1e-12), POLYGONS)
     assert found.at_least
-    assert found.n_cells > budget.MOST_CELLS
+    assert found.n_cells > cell_count.MOST_CELLS
     with pytest.raises(InputError, match=r"at least .* cells, more than 1e.06: cells down to size .*use larger sizes"):
         check_size(SQUARE, near_a_line(1e-12), POLYGONS)
 
@@ -150,4 +151,4 @@ def test_the_limit_can_be_changed(monkeypatch: pytest.MonkeyPatch) -> None:
     for wrong in ("many", "-1", "nan"):
         monkeypatch.setenv(VARIABLE, wrong)
         with pytest.raises(InputError, match=f"{VARIABLE} = '{wrong}'"):
-            budget.most_cells()
+            cell_count.most_cells()

@@ -10,10 +10,11 @@ import pytest
 
 from tmc_vem import run
 from tmc_vem.cli.main import main
-from tmc_vem.mesh.check import find_faults, repair
+from tmc_vem.mesh.check import find_faults
 from tmc_vem.mesh.files.io import read_mesh, write_mesh
 from tmc_vem.mesh.files.record import Group
 from tmc_vem.mesh.files.regions import regions_of
+from tmc_vem.mesh.make.repair import repair
 from tmc_vem.mesh.make.triangles import mesh_geometry
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.quality import measure

@@ -11,9 +11,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tmc_vem.mesh import PolygonMesh, Rectangle, structured_quadrilaterals
-from tmc_vem.mesh.check import find_faults, repair
+from tmc_vem.mesh.check import find_faults
 from tmc_vem.mesh.files.io import FORMATS, read_mesh, write_mesh
 from tmc_vem.mesh.make.outline import Region
+from tmc_vem.mesh.make.repair import repair
 from tmc_vem.mesh.make.triangles import triangle_mesh
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.problems import Box, CBox, Punch
@@ -310,3 +311,20 @@ def test_reading_refuses_every_malformed_mesh(fault, c, tmp_path):
         return
     with pytest.raises(InputError, match=r"cells? \d|vert"):
         read_mesh(tmp_path / "bad.obj")
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".vtu", ".vtk"])
+def test_names_that_end_with_a_backslash(tmp_path, suffix):
+    """In OBJ a line that ends so goes on in the next."""
+    left, right = Rectangle("a\\", 0.0, 0.5, 0.0, 1.0), Rectangle("b%5C", 0.5, 1.0, 0.0, 1.0)
+    plain = structured_quadrilaterals([0.0, 0.5, 1.0], [0.0, 1.0], [left, right], {"p\\": (0.0, 0.0)})
+    mesh = PolygonMesh(
+        plain.points_vx, plain.cell_offsets, plain.cell_vertices, plain.region_c, plain.region_names,
+        plain.named_points, {"e\\": plain.edges.vertices_ev[:1]},
+    )  # fmt: skip
+    write_mesh(mesh, tmp_path / f"a{suffix}")
+    again = read_mesh(tmp_path / f"a{suffix}")
+    assert again.region_names == mesh.region_names
+    assert np.array_equal(again.region_c, mesh.region_c)
+    assert dict(again.named_points) == dict(mesh.named_points)
+    assert list(again.named_edges) == ["e\\"]

@@ -20,7 +20,8 @@ from tmc_vem.report.labels import label
 from tmc_vem.report.mesh_figure import draw_mesh
 from tmc_vem.report.page import Page, Section, Table, Text
 from tmc_vem.report.write import to_html, to_markdown
-from tmc_vem.results.records import RunResult, StepRecord
+from tmc_vem.results.records import StepRecord
+from tmc_vem.results.run_result import RunResult
 
 NAMES = (
     "$x_1^2$",

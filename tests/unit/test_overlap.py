@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from tmc_vem import run
 from tmc_vem.results.contact.contact import OVERLAP, Overlap
-from tmc_vem.results.records import RunResult, StepRecord
+from tmc_vem.results.records import StepRecord
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation.overlap import OverlapWatch, Refusal
 from tmc_vem.simulation.problem_file import read_problem
 from tmc_vem.solve.newton import NewtonSolver

@@ -13,7 +13,7 @@ from tmc_vem.report.page import Page, Section
 from tmc_vem.report.write import to_html, to_markdown
 from tmc_vem.results.contact.contact import ContactReport
 from tmc_vem.results.plausibility import ERROR, WARNING, Finding
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import Snapshot
 from tmc_vem.system.fields import Fields, Polygons
 

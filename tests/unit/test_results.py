@@ -14,7 +14,7 @@ from petsc4py import PETSc
 
 from tmc_vem import Box, Medium, RunOptions, prepare, run
 from tmc_vem.results.directory import RunDirectory
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import read_fields, snapshots
 from tmc_vem.simulation.recorder import Recorder
 from tmc_vem.support.errors import InputError

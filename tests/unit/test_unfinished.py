@@ -25,7 +25,8 @@ from tmc_vem.report.run_page import run_page
 from tmc_vem.report.tables import reached
 from tmc_vem.report.write import to_markdown
 from tmc_vem.results.lock import LOCK, DirectoryLock, is_held
-from tmc_vem.results.records import RunResult, StepRecord
+from tmc_vem.results.records import StepRecord
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import BEGUN, process_facts
 from tmc_vem.simulation.checkpoint import BEFORE, CHECKPOINT
 from tmc_vem.simulation.monitor import Monitor

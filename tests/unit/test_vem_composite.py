@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from helpers_mesh import SHAPES, subdivide
 
-from codegen.potential import gradient_of_potential, potential_of_gradient
 from tmc_vem.vem.spaces import monomials, triangulation
 from tmc_vem.vem.spaces.composite import CompositeSpace
+from tmc_vem.vem.spaces.potential import gradient_of_potential, potential_of_gradient
 from tmc_vem.vem.spaces.projector import edge_basis, moments_of_basis
 from tmc_vem.vem.spaces.quadrature import sub_triangles, triangle
 from tmc_vem.vem.spaces.spaces import Shapes

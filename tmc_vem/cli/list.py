@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import printable
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from tmc_vem import __version__
+from tmc_vem.support.version import VERSION
 
 # command: (module, attribute, line for --help). Modules are imported when a command is used, so that --help is quick.
 COMMANDS = {
@@ -21,7 +21,7 @@ COMMANDS = {
     "plot": ("tmc_vem.cli.plot", "plot", "Curves and states of a run as figures."),
     "animate": ("tmc_vem.cli.plot", "animate", "A run as an animated picture."),
     "mesh": ("tmc_vem.cli.mesh", "mesh_group", "Generate, describe, check and draw polygon meshes."),
-    "codegen": ("codegen.cli", "main", "Generate, show and check the kernel of your own energy."),
+    "codegen": ("tmc_vem.cli.codegen", "main", "Generate, show and check the kernel of your own energy."),
     "info": ("tmc_vem.cli.info", "info", "Print versions and what is available on this machine."),
 }
 
@@ -48,7 +48,7 @@ class LazyGroup(click.Group):
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="tmc-vem")
+@click.version_option(VERSION, prog_name="tmc-vem")
 def cli() -> None:
     """Third medium contact with stabilization-free virtual elements.
 

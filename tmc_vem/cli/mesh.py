@@ -52,7 +52,8 @@ def rectangle(
     """
     import numpy as np
 
-    from tmc_vem.mesh.make.cell_count import QUADRILATERALS, check_size
+    from tmc_vem.mesh.cell_count import QUADRILATERALS
+    from tmc_vem.mesh.make.estimate import check_size
     from tmc_vem.mesh.make.outline import Region
     from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
     from tmc_vem.mesh.parts import with_names
@@ -166,8 +167,9 @@ def info(file: Path, order: int, region_data: str | None, cracks: str) -> None:
 @_reading
 def check(file: Path, fix: Path | None, tolerance: float | None, region_data: str | None, cracks: str) -> int:
     """Name everything that is wrong with a mesh; exit code 1 if anything is (and --fix cannot repair it)."""
-    from tmc_vem.mesh.check import find_faults, repair, summaries
+    from tmc_vem.mesh.check import find_faults, summaries
     from tmc_vem.mesh.files.io import read_mesh, write_mesh
+    from tmc_vem.mesh.make.repair import repair
 
     if tolerance is not None:
         from tmc_vem.support.validation import require_within

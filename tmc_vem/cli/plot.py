@@ -27,7 +27,7 @@ def plot(run_dir: Path, out: Path | None, quantity: str, n_states: int) -> None:
     """
     from tmc_vem.report.run_page import run_page
     from tmc_vem.report.write import write_page
-    from tmc_vem.results.records import RunResult
+    from tmc_vem.results.run_result import RunResult
 
     result = RunResult.read(run_dir)
     page = run_page(result, quantity=quantity, n_states=n_states)
@@ -60,7 +60,7 @@ def animate(run_dir: Path, out: Path | None, quantity: str, seconds: float) -> N
     """
     from tmc_vem.report.animation import animate as write_animation
     from tmc_vem.report.animation import states_of
-    from tmc_vem.results.records import RunResult
+    from tmc_vem.results.run_result import RunResult
 
     target = out or run_dir / "deformed.gif"
     if target.suffix != ".gif":

@@ -14,7 +14,8 @@ from tmc_vem.cli.columns import names_and_values, plain
 from tmc_vem.problems.base import Problem
 from tmc_vem.problems.probes import GAP
 from tmc_vem.report.tables import reached
-from tmc_vem.results.records import RunResult, StepRecord
+from tmc_vem.results.records import StepRecord
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation.monitor import Monitor
 
 SILENCE = 20.0  # seconds without a line

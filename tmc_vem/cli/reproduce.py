@@ -24,7 +24,7 @@ def reproduce(what: tuple[str, ...], out: Path, jobs: int, quick: bool) -> None:
       tmc-vem reproduce all
     """
     from tmc_vem.cli.batch_progress import BatchMonitor
-    from tmc_vem.study.reproduce import reproduce as run_all
+    from tmc_vem.study.paper.reproduce import reproduce as run_all
 
     require_one_process()
     monitor = BatchMonitor()

@@ -13,21 +13,20 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.energy import Energy
+from codegen.integrand import DEFORMATION_GRADIENT, Integrand
+from codegen.layout import Take
 from tmc_vem.fem import compat
 from tmc_vem.fem.maths import ufl_namespace
 from tmc_vem.fem.mesh import FemMesh
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.fem_settings import FemSettings
 
-_AXES = (0, 1)
-
 
 class RegionDensity(Protocol):
     """Energy of a region, the values of its parameters, and whether it is the third medium."""
 
     @property
-    def energy(self) -> Energy: ...
+    def integrand(self) -> Integrand: ...
 
     @property
     def values(self) -> Mapping[str, float]: ...
@@ -70,7 +69,7 @@ def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], sett
     dx = ufl.Measure("dx", domain=domain, subdomain_data=cell_tags, metadata=metadata)
     parameters, eta, set_parameters = _parameters(domain, {name: regions[name] for name in names}, settings.eta)
     G = ufl.variable(ufl.grad(ufl.grad(u)))
-    densities = {name: _density(u, G, regions[name].energy, parameters[name]) for name in names}
+    densities = {name: _density(u, G, regions[name].integrand, parameters[name]) for name in names}
     cells = sum(densities[name] * dx(number) for number, name in enumerate(names))
 
     facets: dict[str, Any] = {}
@@ -80,7 +79,7 @@ def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], sett
         dS = ufl.Measure("dS", domain=domain, subdomain_data=facet_tags, metadata=metadata)
         width = _width(mesh)
         for tag, name in enumerate(media, start=1):
-            _require_medium_parameters(name, regions[name].energy)
+            _require_medium_parameters(name, regions[name].integrand)
             weight = eta * parameters[name].gamma * parameters[name].alpha_r / (2 * width)
             full = settings.interior_penalty == "full"
             facets[name] = _interior_penalty(u, G, weight, parameters[name], densities[name] if full else None) * dS(
@@ -97,7 +96,7 @@ def _parameters(
     domain: Any, regions: Mapping[str, RegionDensity], eta: float
 ) -> tuple[dict[str, SimpleNamespace], Any, Callable[[Mapping[str, float]], None]]:
     """Parameters of each region and the penalty factor as constants, and how to change them."""
-    keys = [(name, key) for name, region in regions.items() for key in region.energy.parameters]
+    keys = [(name, key) for name, region in regions.items() for key in region.integrand.parameter_names]
     constants, numbers = compat.constants(domain, [*(regions[name].values[key] for name, key in keys), eta])
     *values, factor = constants
     parameters = {name: SimpleNamespace() for name in regions}
@@ -112,18 +111,12 @@ def _parameters(
     return parameters, factor, change
 
 
-def _density(u: Any, G: Any, energy: Energy, p: SimpleNamespace) -> Any:
-    """psi as a UFL expression; the density sees nested lists of components."""
-    F = _deformation_gradient(u)
-    components = [[[G[i, j, k] for k in _AXES] for j in _AXES] for i in _AXES]
-    return energy.density(F, components, p, ufl_namespace())
-
-
-def _deformation_gradient(u: Any) -> list[list[Any]]:
+def _density(u: Any, G: Any, integrand: Integrand, p: SimpleNamespace) -> Any:
+    """psi as a UFL expression; the integrand sees nested lists of components."""
     import ufl
 
-    gradient = ufl.grad(u)
-    return [[gradient[i, j] + (1 if i == j else 0) for j in _AXES] for i in _AXES]
+    taken = {Take.GRADIENT: ufl.grad(u), Take.SECOND_GRADIENT: G}
+    return integrand.of_fields(lambda take: taken[take].__getitem__, p, ufl_namespace())
 
 
 def _interior_penalty(u: Any, G: Any, weight: Any, p: SimpleNamespace, density: Any | None) -> Any:
@@ -133,7 +126,7 @@ def _interior_penalty(u: Any, G: Any, weight: Any, p: SimpleNamespace, density: 
     n = ufl.FacetNormal(u.function_space.mesh)
     jump = ufl.jump(ufl.grad(u), n)
     if hasattr(p, "beta"):
-        F = _deformation_gradient(u)
+        F = DEFORMATION_GRADIENT.of_field(ufl.grad(u).__getitem__)
         weight = weight * ufl.avg(ufl.exp(-p.beta * (F[0][0] * F[1][1] - F[0][1] * F[1][0])))
     energy = weight * ufl.inner(jump, jump)
     if density is not None:
@@ -165,10 +158,10 @@ def _facet_tags(mesh: FemMesh, media: Sequence[str]) -> Any:
     return compat.mesh_tags(mesh.mesh, 1, facets[tags > 0], tags[tags > 0])
 
 
-def _require_medium_parameters(name: str, energy: Energy) -> None:
+def _require_medium_parameters(name: str, integrand: Integrand) -> None:
     for wanted in ("gamma", "alpha_r"):
-        if wanted not in energy.parameters:
+        if wanted not in integrand.parameter_names:
             raise InputError(
-                f"region '{name}': the interior penalty is weighted by gamma and alpha_r, but energy '{energy.name}' "
-                f"has no parameter '{wanted}'; use interior penalty 'none'"
+                f"region '{name}': the interior penalty is weighted by gamma and alpha_r, but energy "
+                f"'{integrand.name}' has no parameter '{wanted}'; use interior penalty 'none'"
             )

@@ -12,7 +12,8 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from tmc_vem.energy import Energy
+from codegen.integrand import Integrand
+from codegen.layout import Take
 from tmc_vem.fem import compat
 from tmc_vem.fem.forms import RegionDensity, make_forms
 from tmc_vem.fem.maths import numpy_namespace
@@ -31,6 +32,7 @@ from tmc_vem.system.places import Located
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+Components = Callable[[tuple[int, ...]], NDArray[Any]]
 
 CELLS_AT_ONCE = 4096  # whose dense arrays are held at a time
 
@@ -291,15 +293,17 @@ class FemSystem:
         m = numpy_namespace()
         for name, cells in zip(self.region_names, self._cells_of, strict=True):
             region = self.densities[name]
-            names = region.energy.parameters
+            names = region.integrand.parameter_names
             values = self._values[name]
             p = SimpleNamespace(**{key: 0.0 if key == without else float(values[key]) for key in names})
             gradient, second = self.points.gradients(u_nodes[self.nodes.cell_nodes_ca[cells]], cells)
             min_j_c[cells] = jacobian(gradient).min(axis=1)
-            F = [[gradient[..., i, j].astype(np.longdouble) + (i == j) for j in (0, 1)] for i in (0, 1)]
-            G = [[[second[..., i, j, k] for k in (0, 1)] for j in (0, 1)] for i in (0, 1)]
+            taken = {
+                Take.GRADIENT: _components(gradient, np.longdouble),
+                Take.SECOND_GRADIENT: _components(second, np.float64),
+            }
             with np.errstate(all="ignore"):  # J <= 0 shows as NaN, which the evaluation reports
-                psi_cq = _at_points(region.energy, F, G, p, m)
+                psi_cq = _at_points(region.integrand, taken, gradient.shape[:2], p, m)
                 energy_c[cells] = (self.points.w_cq[cells] * psi_cq).sum(axis=1)
         return energy_c, min_j_c
 
@@ -332,20 +336,34 @@ class FemSystem:
         return Evaluation(stored - sum(part[2] for part in parts), regions, where)
 
 
-def _at_points(energy: Energy, F: Any, G: Any, p: Any, m: Any) -> Float:
+def _components(tensor_cqx: Float, precision: type[np.floating[Any]]) -> Components:
+    """Components (n_cells, n_points) of a tensor at points, by index."""
+    leading = np.moveaxis(tensor_cqx, (0, 1), (-2, -1))
+    return lambda index: leading[index].astype(precision)
+
+
+def _at_points(
+    integrand: Integrand, taken: Mapping[Take, Components], shape: tuple[int, ...], p: Any, m: Any
+) -> NDArray[Any]:
     """Energy density at the points of all cells.
+
+    Args:
+        integrand: of a region.
+        taken: derivatives of the displacement at the points.
+        shape: (n_cells, n_points).
+        p, m: parameters and functions.
 
     Raises:
         InputError: numpy inside the density takes the points for rows and columns.
     """
     try:
-        psi = np.asarray(energy.density(F, G, p, m))
-        fits = psi.shape in ((), np.shape(F[0][0]))
+        psi = np.asarray(integrand.of_fields(taken.__getitem__, p, m))
+        fits = psi.shape in ((), shape)
     except (TypeError, ValueError):
         fits = False
     if not fits:
         raise InputError(
-            f"energy '{energy.name}' uses numpy, which cannot compute with F and G of many points at once: write it "
+            f"energy '{integrand.name}' uses numpy, which cannot compute with F and G of many points at once: write it "
             "with F[i][j], arithmetic and m, or use --method vem"
         )
     return psi

@@ -27,7 +27,7 @@ class Fault:
         kind: 'structure', 'polygon', 'clockwise', 'duplicate cell', 'duplicate vertex', 'near vertices',
             'unreferenced vertex', 'short edge', 'T-junction', 'overlap' or 'gap'.
         message: what is wrong and where; names the cell or vertex.
-        fixable: whether :func:`tmc_vem.mesh.check.repair` removes it.
+        fixable: whether :func:`tmc_vem.mesh.make.repair.repair` removes it.
         where: the place in few words, such as ``cell 3``.
     """
 

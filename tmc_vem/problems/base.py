@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from codegen.integrand import Integrand, second_gradient_energy
 from tmc_vem.energy import Energy, hyperelastic_solid, third_medium
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.materials import Material, Medium
@@ -36,6 +37,12 @@ class RegionEnergy:
 
     def __post_init__(self) -> None:
         check_hold(self.hold, self.is_medium)
+
+    @property
+    def integrand(self) -> Integrand:
+        """The energy as the code generator and forms take it."""
+        energy = self.energy
+        return second_gradient_energy(energy.density, energy.name, energy.parameters, energy.description)
 
 
 def check_hold(hold: str | None, is_medium: bool) -> None:

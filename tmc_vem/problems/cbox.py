@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tmc_vem.mesh.make.cell_count import check_refined
+from tmc_vem.mesh.cell_count import check_refined
 from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.make.weld import weld
 from tmc_vem.mesh.parts import submesh, with_names

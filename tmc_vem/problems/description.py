@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tmc_vem.mesh.make.cell_count import STEEPEST
+from tmc_vem.mesh.make.estimate import STEEPEST
 from tmc_vem.mesh.make.far import near
 from tmc_vem.mesh.make.shapes import HUGE, Shape, disc, polygon, rectangle
 from tmc_vem.problems.base import check_hold

@@ -54,10 +54,11 @@ def require_traceable(density: Callable[[Any, Any, Any, Any], Any], name: str, p
         InputError: it branches on a value, uses an unknown function or an undeclared parameter, or fails.
     """
     from codegen.errors import CodegenError
+    from codegen.integrand import second_gradient_energy
     from codegen.trace import trace
 
     try:
-        trace(density, name, parameters)
+        trace(second_gradient_energy(density, name, parameters))
     except CodegenError as error:
         raise InputError(str(error)) from None
 

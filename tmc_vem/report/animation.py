@@ -10,7 +10,7 @@ import numpy as np
 
 from tmc_vem.report.panels import bounds, colour_scale, draw_panels, draw_state
 from tmc_vem.report.tables import stopped
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import read_fields, record_of, snapshots
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.fields import Fields

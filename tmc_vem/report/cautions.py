@@ -10,7 +10,7 @@ from tmc_vem.report.page import Warnings
 from tmc_vem.report.tables import stopped
 from tmc_vem.results.contact.contact import check_contact
 from tmc_vem.results.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of, overlap
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import read_fields, snapshots
 from tmc_vem.results.unfinished import RUNNING, how_to_go_on
 from tmc_vem.support.errors import InputError

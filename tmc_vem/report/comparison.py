@@ -12,7 +12,7 @@ from tmc_vem.report.panels import draw_panels
 from tmc_vem.report.richardson import Extrapolation
 from tmc_vem.report.tables import full_energy, full_gap, number, percent, relative
 from tmc_vem.results.plausibility import WARNING, Finding
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import nearest, read_fields, snapshots
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.fields import Fields

@@ -12,7 +12,8 @@ from tmc_vem.problems.probes import GAP
 from tmc_vem.report.labels import label
 from tmc_vem.report.page import Picture, picture
 from tmc_vem.report.tables import probes_of, with_unit
-from tmc_vem.results.records import RunResult, StepRecord
+from tmc_vem.results.records import StepRecord
+from tmc_vem.results.run_result import RunResult
 
 # colours and dashes that stay apart in print and for colour-blind readers
 COLOURS = ("#0b5394", "#c55a11", "#2e7d32", "#7b1fa2", "#5d4037", "#00838f")

@@ -7,7 +7,7 @@ import numpy as np
 from tmc_vem.report import cautions, plots, tables
 from tmc_vem.report.page import Block, Page, Section, Table, Text, picture
 from tmc_vem.report.panels import draw_panels
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import nearest, read_fields, record_of, snapshots
 from tmc_vem.support.errors import InputError
 

@@ -11,7 +11,7 @@ from tmc_vem.problems.probes import GAP
 from tmc_vem.report.page import Entry, Table
 from tmc_vem.results.energy_balance import energy_balance
 from tmc_vem.results.plausibility import differing_parameters
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import UNKNOWN
 
 Runs = Mapping[str, RunResult]

@@ -21,11 +21,11 @@ from tmc_vem.results.records import (
     PICTURE,
     RESULT,
     TRIANGULATED,
-    RunResult,
     StepRecord,
     finite,
     heading,
 )  # fmt: skip
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import BEFORE, BEGUN, CHECKPOINT, COMMAND, process_facts
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.files import remove_unfinished, write_atomically

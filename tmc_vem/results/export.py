@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tmc_vem.results.records import COLUMNS, RunResult
+from tmc_vem.results.records import COLUMNS, Written
 from tmc_vem.results.snapshots import nearest, read_fields, snapshots
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import COORDINATES, Units
@@ -15,7 +15,7 @@ from tmc_vem.support.vtk_types import cell_types, to_vtk
 from tmc_vem.system.fields import Fields
 
 
-def to_pandas(result: RunResult) -> Any:
+def to_pandas(result: Written) -> Any:
     """Load steps as a data frame, a row a step, with the columns of history.csv; ``frame.attrs["units"]`` has units.
 
     Raises:
@@ -28,7 +28,7 @@ def to_pandas(result: RunResult) -> Any:
     return frame
 
 
-def to_meshio(result: RunResult, load: float = 1.0) -> Any:
+def to_meshio(result: Written, load: float = 1.0) -> Any:
     """Fields of the written load step nearest to a load factor, as a ``meshio.Mesh`` of polygons.
 
     Point data: displacement; cell data: J, min_J, energy_density, region. ``field_data`` has the regions' numbers.
@@ -49,7 +49,7 @@ def to_meshio(result: RunResult, load: float = 1.0) -> Any:
     )
 
 
-def to_pyvista(result: RunResult, load: float = 1.0, *, triangulated: bool = False) -> Any:
+def to_pyvista(result: Written, load: float = 1.0, *, triangulated: bool = False) -> Any:
     """Fields of the written load step nearest to a load factor, as a ``pyvista.UnstructuredGrid``, undeformed.
 
     ``mesh.warp_by_vector("displacement")`` deforms it. Filters that interpolate are exact in plain triangles and
@@ -83,7 +83,7 @@ def to_pyvista(result: RunResult, load: float = 1.0, *, triangulated: bool = Fal
     return mesh
 
 
-def fields_at(result: RunResult, load: float, *, triangulated: bool = False) -> Fields:
+def fields_at(result: Written, load: float, *, triangulated: bool = False) -> Fields:
     """Fields of the written load step nearest to a load factor, as they are or cut into triangles.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Runs as data: records of load steps and the result of a run, read from and written to a run directory.
+"""Records of load steps, and the names of what a run directory holds.
 
 A run directory holds ``result.json`` (inputs, versions, results, times), ``history.csv`` (a row a load step),
 ``fields.pvd`` with ``fields/*.vtu`` and ``deformed.png``; until there is a result, ``run.json`` instead.
@@ -6,19 +6,14 @@ A run directory holds ``result.json`` (inputs, versions, results, times), ``hist
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from tmc_vem.problems.probes import GAP, RESERVED, RESERVED_STARTS
-from tmc_vem.results.unfinished import BEGUN, CHECKPOINT, COMMAND, unfinished
-from tmc_vem.support.errors import InputError
-from tmc_vem.support.validation import shown
+from tmc_vem.results.unfinished import BEGUN, CHECKPOINT, COMMAND
 
 # Schema of run directories that is written, and the oldest that is read. A new entry with a default in ``read`` or
 # ``from_row`` leaves both alone; a changed meaning raises both.
@@ -135,278 +130,37 @@ class StepRecord:
 COLUMNS = tuple(entry.name for entry in fields(StepRecord) if entry.name not in ("probes", *_GROUPS))
 
 
-@dataclass(frozen=True)
-class RunResult:
-    """Everything about a run that is not a field.
-
-    Attributes:
-        inputs: the problem's parameters and the method's settings.
-        versions: of the program, its libraries and the machine.
-        complete: whether the full load was reached; ``reason`` says why not.
-        load: load factor of the last converged step.
-        n_cells, n_dofs: size of the discretisation.
-        cut_backs, newton_iterations: totals; the iterations include those of failed attempts.
-        projection_degrees: number of cells by degree l (VEM only).
-        checks: interpenetration, gap along contact, imbalance of the reactions and the regulariser's part of the
-            medium's energy at the last converged step, see :class:`tmc_vem.results.contact.contact.ContactReport`.
-        units: of the columns of the history that have one; in terms of length and force if the problem declares none.
-        errors, warnings: what is wrong or doubtful about the result, in sentences, the weightiest first; see
-            :mod:`tmc_vem.results.plausibility`. Run directories from before they were told apart have warnings only.
-        parallel: ranks, linear solver, imbalance and peak memory, see :func:`tmc_vem.simulation.balance.balance`.
-        seconds: wall time by phase.
-        media: names of the regions that are third medium.
-        history: the load steps.
-        directory: where the run was written, or None.
-        cut_short: a limit on work has ended the run, so that it can be resumed.
-        unfinished: 'running', 'interrupted' or 'unknown' for a run that has no result yet, or never will. Its sizes are
-            0 where they are not known.
-    """
-
-    inputs: Mapping[str, Any]
-    versions: Mapping[str, Any]
-    complete: bool
-    reason: str
-    load: float
-    n_cells: int
-    n_dofs: int
-    newton_iterations: int
-    cut_backs: int
-    projection_degrees: Mapping[str, int]
-    seconds: Mapping[str, float]
-    history: Sequence[StepRecord] = field(repr=False)
-    directory: Path | None = None
-    checks: Mapping[str, Any] = field(default_factory=dict)
-    parallel: Mapping[str, Any] = field(default_factory=dict)
-    errors: Sequence[str] = ()
-    warnings: Sequence[str] = ()
-    units: Mapping[str, str] = field(default_factory=dict)
-    cut_short: bool = False
-    unfinished: str = ""
-    media: Sequence[str] = ()
+class Written(Protocol):
+    """What is read back from a run's files by way of its result."""
 
     @property
-    def state(self) -> str:
-        """'complete', 'stopped' before the end of the path, 'running', 'interrupted', or 'unknown'."""
-        return self.unfinished or ("complete" if self.complete else "stopped")
+    def directory(self) -> Path | None:
+        """Where the run was written, or None."""
 
     @property
-    def last(self) -> StepRecord | None:
-        """Last converged step."""
-        return self.history[-1] if self.history else None
+    def history(self) -> Sequence[StepRecord]:
+        """The load steps."""
 
     @property
-    def gap(self) -> float | None:
-        """Gap at the last converged step."""
-        return self.last.gap if self.last else None
+    def inputs(self) -> Mapping[str, Any]:
+        """The problem's parameters and the method's settings."""
 
     @property
-    def probes(self) -> Mapping[str, float]:
-        """Probes at the last converged step, the gap included."""
-        return self.last.probes if self.last else {}
+    def units(self) -> Mapping[str, str]:
+        """Of the columns of the history."""
 
     @property
-    def reaction(self) -> float | None:
-        """Reaction at the last converged step."""
-        return self.last.reaction if self.last else None
+    def media(self) -> Sequence[str]:
+        """Names of the regions that are third medium."""
 
     @property
     def min_j(self) -> Mapping[str, float]:
-        """Smallest J by region at the last converged step."""
-        return self.last.min_j if self.last else {}
-
-    def unit(self, column: str) -> str:
-        """Unit of a column of the history that the problem has declared; empty for a plain number, and without one."""
-        unit = self.units.get(column, "1") if "units" in self.inputs else "1"
-        return "" if unit == "1" else unit
-
-    @property
-    def steps(self) -> int:
-        """Converged load steps."""
-        return len(self.history)
-
-    def to_pandas(self) -> Any:
-        """Load steps as a pandas data frame, see :func:`tmc_vem.results.export.to_pandas`."""
-        from tmc_vem.results.export import to_pandas
-
-        return to_pandas(self)
-
-    def to_pyvista(self, load: float = 1.0, *, triangulated: bool = False) -> Any:
-        """Fields at a load factor as a PyVista mesh, see :func:`tmc_vem.results.export.to_pyvista`."""
-        from tmc_vem.results.export import to_pyvista
-
-        return to_pyvista(self, load, triangulated=triangulated)
-
-    def to_meshio(self, load: float = 1.0) -> Any:
-        """Fields at a load factor as a meshio mesh, see :func:`tmc_vem.results.export.to_meshio`."""
-        from tmc_vem.results.export import to_meshio
-
-        return to_meshio(self, load)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Content of result.json."""
-        last = self.last
-        return {
-            "schema": SCHEMA,
-            "complete": self.complete,
-            "state": self.state,
-            "reason": self.reason,
-            "cut_short": self.cut_short,
-            "load": self.load,
-            "displacement": last.displacement if last else 0.0,
-            "gap": self.gap,
-            "reaction": self.reaction,
-            "probes": dict(self.probes),
-            "min_j": dict(self.min_j),
-            "energy": dict(last.energy) if last else {},
-            "units": dict(self.units),
-            "media": list(self.media),
-            "n_cells": self.n_cells,
-            "n_dofs": self.n_dofs,
-            "steps": self.steps,
-            "newton_iterations": self.newton_iterations,
-            "cut_backs": self.cut_backs,
-            "negative_pivots": last.negative_pivots if last else None,
-            "projection_degrees": dict(self.projection_degrees),
-            "checks": dict(self.checks),
-            "parallel": dict(self.parallel),
-            "errors": list(self.errors),
-            "warnings": list(self.warnings),
-            "seconds": dict(self.seconds),
-            "inputs": dict(self.inputs),
-            "versions": dict(self.versions),
-        }
-
-    def to_json(self) -> str:
-        """Text of result.json; a value that is not a number becomes null."""
-        return json.dumps(finite(self.as_dict()), indent=2, allow_nan=False) + "\n"
-
-    @staticmethod
-    def read(directory: str | Path) -> RunResult:
-        """Result of a run directory, or what there is of a run that goes on or was interrupted.
-
-        Raises:
-            InputError: it is not one, or its schema is not one that this version reads.
-        """
-        path = Path(directory)
-        try:
-            data, has_result = _result_of(path)
-            columns = {heading(name, unit): name for name, unit in data.get("units", {}).items()}
-            history = _history(path, columns, whole=has_result)
-            steps = data.get("steps", len(history))
-            if has_result and len(history) != steps:
-                raise ValueError(f"{HISTORY} has {len(history)} of {steps} steps")
-            if not has_result:
-                data |= _totals(history)
-            names = ("inputs", "versions", "complete", "reason", "load", "n_cells", "n_dofs", "newton_iterations",
-                     "cut_backs", "projection_degrees", "seconds")  # fmt: skip
-            if data.get("media") is None:
-                data["media"] = _media_by_name(history)
-            # not in the first runs
-            optional = ("checks", "parallel", "errors", "warnings", "units", "cut_short", "unfinished", "media")
-            later = {name: data[name] for name in optional if name in data}
-            _check_types({name: data[name] for name in (*names, *later)})
-            return RunResult(**{name: data[name] for name in names}, history=history, directory=path, **later)
-        except OSError as error:
-            raise InputError(f"{path} is not a run directory: {error.strerror} ({error.filename})") from None
-        except KeyError as error:
-            raise InputError(f"{path} is not a readable run directory: {error} is missing; run it again") from None
-        except (ValueError, TypeError, AttributeError, RecursionError, csv.Error) as error:
-            raise InputError(f"{path} is not a readable run directory: {error}") from None
-
-
-def _result_of(path: Path) -> tuple[dict[str, Any], bool]:
-    """What result.json says, or else what is known of the run; and whether there is a result."""
-    try:
-        text = (path / RESULT).read_text()
-    except FileNotFoundError as missing:
-        try:
-            return unfinished(path), False
-        except FileNotFoundError:
-            raise missing from None
-    data = json.loads(text)
-    _check_schema(path, data)
-    return data, True
-
-
-def _media_by_name(history: Sequence[StepRecord]) -> list[str]:
-    """The media of a run directory from before they were written down: then names of regions told, nothing else."""
-    return [name for name in history[-1].min_j if name.startswith("medium")] if history else []
-
-
-def _history(path: Path, columns: Mapping[str, str], *, whole: bool) -> list[StepRecord]:
-    """The steps of history.csv; of a run without a result, without the row that was being written when it ended.
-
-    Args:
-        path: run directory.
-        columns: names by headings with units.
-        whole: every row must be.
-    """
-    try:
-        text = (path / HISTORY).read_text()
-    except FileNotFoundError:
-        return []  # no step has converged
-    if not whole:
-        text = text[: text.rfind("\n") + 1]
-    rows = [{columns.get(key, key): value for key, value in row.items()} for row in csv.DictReader(io.StringIO(text))]
-    return [StepRecord.from_row(row) for row in rows]
-
-
-def _totals(history: Sequence[StepRecord]) -> dict[str, Any]:
-    """What the steps so far say about the run."""
-    last = history[-1] if history else None
-    return {
-        "load": last.load if last else 0.0,
-        "newton_iterations": sum(record.iterations + record.wasted_iterations for record in history),
-        "cut_backs": sum(record.cut_backs for record in history),
-        "seconds": {"total": last.seconds if last else 0.0},
-    }
-
-
-def _check_types(data: Mapping[str, Any]) -> None:
-    """Check the values of a result that was edited or damaged.
-
-    Raises:
-        TypeError: one has the wrong type.
-    """
-    kinds: dict[str, type | tuple[type, ...]] = {
-        **dict.fromkeys(("inputs", "versions", "projection_degrees", "seconds", "checks", "parallel", "units"), dict),
-        **dict.fromkeys(("errors", "warnings", "media"), list),
-        **dict.fromkeys(("complete", "cut_short"), bool),
-        **dict.fromkeys(("reason", "unfinished"), str),
-        **dict.fromkeys(("n_cells", "n_dofs", "newton_iterations", "cut_backs"), int),
-        "load": (int, float),
-    }
-    for name, value in data.items():
-        if not isinstance(value, kinds[name]):
-            raise TypeError(f"{name} = {shown(value)} has the wrong type")
-    for name, what in (("errors", "sentences"), ("warnings", "sentences"), ("media", "names")):
-        if not all(isinstance(text, str) for text in data.get(name) or ()):
-            raise TypeError(f"{name} = {shown(data[name])} are no {what}")
-    times = data["seconds"]
-    if not all(isinstance(value, (int, float)) for value in (times.get("total"), *times.values())):
-        raise TypeError(f"seconds = {shown(times)} are no times, with a total")
+        """Smallest J by region at the last step."""
 
 
 def heading(name: str, unit: str) -> str:
     """Of a column of history.csv whose unit the problem declares: ``reaction [N/mm]``."""
     return name if unit in ("", "1") else f"{name} [{unit}]"
-
-
-def _check_schema(path: Path, data: Any) -> None:
-    """Check that this version can read a result.
-
-    Raises:
-        InputError: it has no schema number, or one that is too old or too new.
-    """
-    schema = data.get("schema") if isinstance(data, dict) else None
-    if not isinstance(schema, int):
-        raise InputError(f"{path} was written before run directories had a schema number: run it again")
-    if schema > SCHEMA:
-        raise InputError(
-            f"{path} was written by a newer version (schema {schema}, known up to {SCHEMA}): update tmc-vem"
-        )
-    if schema < OLDEST:
-        raise InputError(f"{path} was written by an old version (schema {schema}, read from {OLDEST} on): run it again")
 
 
 def finite(value: Any) -> Any:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tmc_vem.results.records import COLLECTION, TRIANGULATED, RunResult, StepRecord
+from tmc_vem.results.records import COLLECTION, TRIANGULATED, StepRecord, Written
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.vtk_types import POLYGON, QUADRATIC_QUAD, QUADRATIC_TRIANGLE, from_vtk
 from tmc_vem.system.fields import Fields, Polygons
@@ -25,7 +25,7 @@ class Snapshot:
     files: tuple[Path, ...]
 
 
-def snapshots(result: RunResult, *, triangulated: bool = False) -> list[Snapshot]:
+def snapshots(result: Written, *, triangulated: bool = False) -> list[Snapshot]:
     """Load steps of a run whose fields were written, by increasing load; of cells cut into triangles, if wanted.
 
     Raises:
@@ -74,12 +74,12 @@ def nearest(available: list[Snapshot], load: float) -> Snapshot:
     return min(available, key=lambda snapshot: abs(snapshot.load - load))
 
 
-def record_of(result: RunResult, snapshot: Snapshot) -> StepRecord:
+def record_of(result: Written, snapshot: Snapshot) -> StepRecord:
     """Load step that belongs to a snapshot."""
     return min(result.history, key=lambda record: abs(record.coordinate - snapshot.load))
 
 
-def read_fields(result: RunResult, snapshot: Snapshot) -> Fields:
+def read_fields(result: Written, snapshot: Snapshot) -> Fields:
     """Fields of a snapshot, of all ranks.
 
     Raises:

@@ -79,8 +79,7 @@ def _fault(problem: Problem) -> str:
     from codegen.trace import trace
 
     for name, region in problem.regions().items():
-        energy = region.energy
-        fault = fault_at_reference(trace(energy.density, energy.name, energy.parameters), region.values)
+        fault = fault_at_reference(trace(region.integrand), region.values)
         if fault:
             return f"region '{name}': {fault}"
     return ""
@@ -88,8 +87,7 @@ def _fault(problem: Problem) -> str:
 
 def compile_region(region: RegionEnergy) -> tuple[Any, Any]:
     """Kernel of a region's energy and its parameter array."""
-    from codegen.kernel import compile_energy
+    from tmc_vem.vem.kernel.cells import compile_cells
 
-    energy = region.energy
-    kernel = compile_energy(energy.density, energy.name, energy.parameters, energy.description)
+    kernel = compile_cells(region.integrand)
     return kernel, kernel.parameter_array(region.values)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tmc_vem.problems.base import Problem
-from tmc_vem.results.records import RunResult, StepRecord
+from tmc_vem.results.records import StepRecord
+from tmc_vem.results.run_result import RunResult
 
 
 class Monitor:

@@ -10,15 +10,15 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from tmc_vem.support.version import VERSION
+
 
 def versions(n_ranks: int = 1) -> dict[str, Any]:
     """Versions and machine as plain values for result files."""
     from petsc4py import PETSc
 
-    import tmc_vem
-
     return {
-        "tmc-vem": tmc_vem.__version__,
+        "tmc-vem": VERSION,
         "revision": revision(),
         "python": platform.python_version(),
         "petsc": ".".join(map(str, PETSc.Sys.getVersion())),

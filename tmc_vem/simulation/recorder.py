@@ -20,7 +20,8 @@ from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.energy_balance import energy_balance
 from tmc_vem.results.output import SnapshotWriter, gather_fields
 from tmc_vem.results.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of
-from tmc_vem.results.records import PICTURE, RunResult, StepRecord
+from tmc_vem.results.records import PICTURE, StepRecord
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import how_to_go_on
 from tmc_vem.simulation.balance import balance
 from tmc_vem.simulation.checkpoint import DURABLE, Checkpoint

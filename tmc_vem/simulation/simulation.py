@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from tmc_vem.problems.base import Problem, media_of
 from tmc_vem.results.directory import RunDirectory
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import how_to_go_on
 from tmc_vem.simulation.discretised import discretise, require_finite_start
 from tmc_vem.simulation.monitor import Monitor

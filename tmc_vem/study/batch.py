@@ -27,7 +27,8 @@ from typing import IO, Any
 
 from tmc_vem.problems.base import Problem
 from tmc_vem.results.lock import DirectoryLock
-from tmc_vem.results.records import RESULT, RunResult
+from tmc_vem.results.records import RESULT
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.plan import run_inputs
 from tmc_vem.study.batch_worker import MARK

@@ -16,7 +16,7 @@ from tmc_vem.report.problem_figure import draw_meshes, draw_problem
 from tmc_vem.report.richardson import Extrapolation, extrapolate
 from tmc_vem.report.tables import full_gap, runs_csv
 from tmc_vem.report.write import write_page
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.triangulated import Triangulated
 from tmc_vem.study.batch import Job, Observer, Outcome, run_batch

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.batch import CellBatch
-from codegen.kernel import Kernel
-from codegen.packs import Packs
-from codegen.potential import degree_of, potential_of_gradient
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.spread.distribute import DistributedMesh
 from tmc_vem.vem.dofmap import DofMap
+from tmc_vem.vem.kernel.batch import CellBatch
+from tmc_vem.vem.kernel.cells import CellKernel
+from tmc_vem.vem.kernel.packs import Packs
 from tmc_vem.vem.spaces import monomials
 from tmc_vem.vem.spaces.element import ElementGroup
+from tmc_vem.vem.spaces.potential import potential_of_gradient
 from tmc_vem.vem.spaces.projector import n_translated_dofs
 from tmc_vem.vem.spaces.spaces import Gradients
 
@@ -30,7 +30,7 @@ CHUNK = 1024  # cells whose dense arrays are held at a time
 class RegionKernel:
     """The compiled energy of a region and the values of its parameters in the kernel's order."""
 
-    kernel: Kernel
+    kernel: CellKernel
     parameters: Float
 
 
@@ -49,7 +49,7 @@ class Block:
     """
 
     region: str
-    kernel: Kernel
+    kernel: CellKernel
     parameters: Float
     batch: CellBatch
     cells: Int
@@ -113,7 +113,7 @@ class Block:
     def _at(self, polynomials: Float, xi_sqx: Float, position: Int | slice) -> Float:
         """Values (n_cells, n_points, 2, 2) of such polynomials at points of shapes."""
         n_cells, n_pieces, n_monomials, _ = polynomials.shape
-        at_points = monomials.values(degree_of(n_monomials), xi_sqx)
+        at_points = monomials.values(monomials.degree_of(n_monomials), xi_sqx)
         at_points = at_points.reshape(len(xi_sqx), n_pieces, -1, n_monomials)
         gradients: Float = (at_points[position] @ polynomials).reshape(n_cells, -1, 2, 2)
         return gradients
@@ -188,8 +188,8 @@ class _Gatherer:
             inverse_h_sp=inverse_h_sp,
             gradient_sp=gradient_sp,
             second_sp=second[0] if second else gradient_sp if kernel.uses_second_gradient else None,
-            gradient_degree=degree_of(gradients.first_stxma.shape[3]),
-            second_degree=degree_of(gradients.second_sxma.shape[2]) if kernel.uses_second_gradient else 0,
+            gradient_degree=monomials.degree_of(gradients.first_stxma.shape[3]),
+            second_degree=monomials.degree_of(gradients.second_sxma.shape[2]) if kernel.uses_second_gradient else 0,
             n_pieces=gradients.first_stxma.shape[1],
             n_translated=n_translated_dofs(group.n_sides, dofmap.order),
             has_potential=gradients.has_potential,

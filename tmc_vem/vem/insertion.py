@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from codegen.batch import CellBatch, Tangents
 from tmc_vem.support.petsc_arrays import compressed_rows, in_place
 from tmc_vem.vem.blocks import CHUNK, Block
+from tmc_vem.vem.kernel.batch import CellBatch, Tangents
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

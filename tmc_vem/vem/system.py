@@ -12,8 +12,6 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from codegen.batch import Tangents
-from codegen.kernel import CellValues
 from tmc_vem.mesh.geometry import centroids
 from tmc_vem.mesh.locate import TOLERANCE
 from tmc_vem.mesh.spread.distribute import DistributedMesh
@@ -28,6 +26,8 @@ from tmc_vem.vem.blocks import CHUNK, RegionKernel, make_blocks
 from tmc_vem.vem.dense import smallest_jacobians
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.insertion import MatrixInsertion
+from tmc_vem.vem.kernel.batch import Tangents
+from tmc_vem.vem.kernel.cells import CellValues
 from tmc_vem.vem.pattern import serial_matrix
 from tmc_vem.vem.point_weights import locate
 from tmc_vem.vem.spaces.element import element_groups

@@ -11,9 +11,9 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from tmc_vem.mesh.cell_count import TRIANGLES, check_cells, most_cells
 from tmc_vem.mesh.files import msh
 from tmc_vem.mesh.files.record import Reading, Record
-from tmc_vem.mesh.make.cell_count import TRIANGLES, check_cells, most_cells
 from tmc_vem.support.errors import InputError
 
 SIZE_MIN = "Mesh.MeshSizeMin"

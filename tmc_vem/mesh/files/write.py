@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.mesh.files.cell_data import EDGES, ORDER, POINT, REGION, quoted
-from tmc_vem.mesh.files.obj import OWN
+from tmc_vem.mesh.files.obj import OWN, QUOTED
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.errors import InputError
 
@@ -153,16 +153,21 @@ def _wrapped(numbers: Int, width: int = 12) -> list[str]:
 
 
 def _obj(mesh: PolygonMesh, path: Path) -> None:
-    lines = [OWN]
-    lines += [f"# region {name}" for name in mesh.region_names]
-    lines += [f"# point {vertex + 1} {name}" for name, vertex in mesh.named_points.items()]
+    goes_on = any(name.endswith("\\") for name in (*mesh.region_names, *mesh.named_points, *mesh.named_edges))
+
+    def said(name: str) -> str:
+        return name.replace("%", "%25").replace("\\", "%5C") if goes_on else name
+
+    lines = [f"{OWN}; {QUOTED}" if goes_on else OWN]
+    lines += [f"# region {said(name)}" for name in mesh.region_names]
+    lines += [f"# point {vertex + 1} {said(name)}" for name, vertex in mesh.named_points.items()]
     for name, pairs in mesh.named_edges.items():
-        lines.append(f"# edges {','.join(f'{a}-{b}' for a, b in (pairs + 1).tolist())} {name}")
+        lines.append(f"# edges {','.join(f'{a}-{b}' for a, b in (pairs + 1).tolist())} {said(name)}")
     lines += [f"v {x!r} {y!r} 0" for x, y in mesh.points_vx.tolist()]
     current = -1
     for loop, region in zip(mesh.cells(), mesh.region_c.tolist(), strict=True):
         if region != current:
-            lines.append(f"g {mesh.region_names[region]}")
+            lines.append(f"g {said(mesh.region_names[region])}")
             current = region
         lines.append("f " + " ".join(map(str, (loop + 1).tolist())))
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.mesh.cell_count import TRIANGLES, check_cells
 from tmc_vem.mesh.geometry import areas
-from tmc_vem.mesh.make.cell_count import TRIANGLES, check_cells
 from tmc_vem.mesh.make.far import moved, origin_for
 from tmc_vem.mesh.make.traced import TracedOutline, trace_outline
 from tmc_vem.mesh.polygon import PolygonMesh

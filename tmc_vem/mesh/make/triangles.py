@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.mesh.cell_count import QUADRILATERALS, TRIANGLES
 from tmc_vem.mesh.files.geo import write_model
 from tmc_vem.mesh.files.io import read_mesh
-from tmc_vem.mesh.make.cell_count import QUADRILATERALS, TRIANGLES, check_size
+from tmc_vem.mesh.make.estimate import check_size
 from tmc_vem.mesh.make.far import meshed_near_origin
 from tmc_vem.mesh.make.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton
 from tmc_vem.mesh.parts import with_names

@@ -18,7 +18,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.mesh.make.cell_count import POLYGONS, check_size
+from tmc_vem.mesh.cell_count import POLYGONS
+from tmc_vem.mesh.make.estimate import check_size
 from tmc_vem.mesh.make.far import meshed_near_origin
 from tmc_vem.mesh.make.narrow import narrow_place
 from tmc_vem.mesh.make.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton

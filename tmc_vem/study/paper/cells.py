@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tmc_vem.report.page import Entry
 from tmc_vem.report.tables import number, percent, reached
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.study.paper.jobs import Cells
 from tmc_vem.study.paper.values import Printed
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from tmc_vem.report.page import Table
 from tmc_vem.report.tables import number, percent
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import read_fields, snapshots
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.fields import Fields

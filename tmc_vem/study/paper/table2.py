@@ -9,7 +9,7 @@ from tmc_vem.problems import Medium
 from tmc_vem.report.page import Block, Entry, Section, Table, Text
 from tmc_vem.report.richardson import Extrapolation
 from tmc_vem.report.tables import effort, full_gap, number, relative
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.study.batch import Job
 from tmc_vem.study.compare import converged
 from tmc_vem.study.paper.cells import judged, mesh_name, ours, printed, ratio

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from tmc_vem.report.page import Section
-from tmc_vem.results.records import RunResult
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.study.batch import Job
 
 Results = Mapping[str, RunResult]  # by name of the job

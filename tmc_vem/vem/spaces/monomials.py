@@ -1,11 +1,15 @@
 """Scaled monomials ``((x - x_E) / h_E)^a ((y - y_E) / h_E)^b``, ordered by degree: 1, xi, eta, xi^2, xi eta, eta^2, ...
 
+This is the only place that knows the order: :func:`exponents` says what it is and :func:`raised` how its monomials are
+made from each other, which is all that derivatives, potentials and the compiled kernels need.
+
 All functions work in the scaled coordinates ``xi = (x - x_E) / h_E``; a derivative with respect to x therefore carries
 the factor ``1 / h_E``, which the caller applies. The first axis of every array is the cell.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -35,17 +39,49 @@ def position(a: int, b: int) -> int:
     return dimension(a + b - 1) + b
 
 
+def degree_of(n_monomials: int) -> int:
+    """Degree of the polynomials with that many monomials, the inverse of :func:`dimension`."""
+    degree = 0
+    while dimension(degree) < n_monomials:
+        degree += 1
+    return degree
+
+
+@dataclass(frozen=True)
+class Raised:
+    """The products ``xi_x m`` of monomials m and coordinates, x = 0 for xi and 1 for eta.
+
+    ``d(xi_x m)/dxi_x = power m``: read one way, the table differentiates, read the other way, it integrates.
+
+    Attributes:
+        position_mx: (n, 2) positions of the products.
+        power_mx: (n, 2) powers of xi_x in them.
+    """
+
+    position_mx: NDArray[np.int32]
+    power_mx: Float
+
+
+@cache
+def raised(degree: int) -> Raised:
+    """The products of the monomials of P_degree and the coordinates, which are in P_(degree + 1)."""
+    powers = exponents(degree)
+    products = [(position(a + 1, b), position(a, b + 1)) for a, b in powers.tolist()]
+    position_mx = np.array(products, dtype=np.int32).reshape(-1, 2)
+    power_mx = powers + 1.0
+    for table in (position_mx, power_mx):
+        table.setflags(write=False)
+    return Raised(position_mx, power_mx)
+
+
 @cache
 def derivative_matrices(degree: int) -> tuple[Float, Float]:
     """Matrices (dimension, dimension) of d/dxi and d/deta: row m has the coefficients of the derivative of m."""
-    n = dimension(degree)
-    d_xi, d_eta = np.zeros((n, n)), np.zeros((n, n))
-    for m, (a, b) in enumerate(exponents(degree).tolist()):
-        if a:
-            d_xi[m, position(a - 1, b)] = a
-        if b:
-            d_eta[m, position(a, b - 1)] = b
-    return d_xi, d_eta
+    n, table = dimension(degree), raised(degree - 1)
+    matrices = np.zeros((2, n, n))
+    for x, matrix in enumerate(matrices):
+        matrix[table.position_mx[:, x], np.arange(dimension(degree - 1))] = table.power_mx[:, x]
+    return matrices[0], matrices[1]
 
 
 def values(degree: int, xi_cqx: Float) -> Float:

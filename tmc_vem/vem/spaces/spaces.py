@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.potential import degree_of
+from codegen.integrand import LAYOUT
 from tmc_vem.vem.spaces import monomials
 from tmc_vem.vem.spaces.projector import (
     PolygonGeometry,
@@ -29,7 +29,7 @@ Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
 # d1, d2, then d1 d1, d2 d1, d1 d2, d2 d2: first and second derivatives, first index fastest
-N_ROWS = 6
+N_ROWS, N_FIRST_ROWS = LAYOUT.n_rows, LAYOUT.n_first_rows
 
 
 @dataclass(frozen=True)
@@ -136,13 +136,13 @@ class Gradients:
         (n_shapes, n_points, _), (_, n_pieces, _, n_m, n_basis) = xi_sqx.shape, self.first_stxma.shape
         if len(piece_q) % n_pieces or (np.reshape(piece_q, (n_pieces, -1)) != np.arange(n_pieces)[:, None]).any():
             raise ValueError("all pieces must have equally many points, one piece after the other")
-        m = monomials.values(degree_of(n_m), xi_sqx).reshape(n_shapes, n_pieces, -1, n_m)
+        m = monomials.values(monomials.degree_of(n_m), xi_sqx).reshape(n_shapes, n_pieces, -1, n_m)
         first = m @ np.moveaxis(self.first_stxma, 2, 3).reshape(n_shapes, n_pieces, n_m, 2 * n_basis)
-        if n_rows == 2:
+        if n_rows == N_FIRST_ROWS:
             return first.reshape(n_shapes, n_points, 2, n_basis)
         result = np.empty((n_shapes, n_points, n_rows, n_basis))
         result[:, :, :2] = first.reshape(n_shapes, n_points, 2, n_basis)
-        degree = degree_of(self.second_sxma.shape[2])
+        degree = monomials.degree_of(self.second_sxma.shape[2])
         m = monomials.values(degree, xi_sqx) / h_s[:, None, None]
         # first index fastest: d1 of (d/dx v), d1 of (d/dy v), then d2 of both
         for direction, matrix in enumerate(monomials.derivative_matrices(degree)):

@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.potential import degree_of
 from tmc_vem.vem.spaces import monomials
 from tmc_vem.vem.spaces.projector import PolygonGeometry, dofs_of_monomials, elliptic_projector, gradient_projector
 from tmc_vem.vem.spaces.spaces import Shapes
@@ -93,7 +92,7 @@ def element_tangent(tables: Tables) -> Float:
         gradient = np.moveaxis(tables.rows(2), 2, 0)
         return elastic_tangent(gradient, gradient * tables.w_sq[..., None])
     # fewer monomials than points: sums over points are products with the monomials' mass matrix
-    m = monomials.values(degree_of(first.shape[3]), tables.xi_sqx)
+    m = monomials.values(monomials.degree_of(first.shape[3]), tables.xi_sqx)
     mass = np.swapaxes(m, 1, 2) @ (m * tables.w_sq[..., None])
     coefficients = np.moveaxis(first[:, 0], 1, 0)
     return elastic_tangent(coefficients, mass @ coefficients)

@@ -103,68 +103,27 @@ ALWAYS_INLINE void to_nodes(const int n_x, int n_m, int n_basis, const vec *C_xm
 /* Polynomials [m][x][i] of the first gradient on a piece; where a potential is stored, it is made in Q_mi. */
 ALWAYS_INLINE void first_gradient(const int n_i, const workspace *work, const tmc_batch *batch, int piece, vec *Q_mi,
                                   vec *P_mxi) {
-  const int degree = batch->gradient_degree, n = batch->n_basis, n_stored = stored_on_piece(batch);
+  const int n_1 = batch->n_first, n = batch->n_basis, n_stored = batch->n_stored;
   const vec *C = work->gradient + (size_t)piece * n_stored * n;
   if (!batch->has_potential) {
-    to_polynomials(2, n_i, dimension(degree), n, C, work->u_ai, P_mxi);
+    to_polynomials(2, n_i, n_1, n, C, work->u_ai, P_mxi);
     return;
   }
   to_polynomials(1, n_i, n_stored, n, C, work->u_ai, Q_mi);
-  for (int d = 0; d <= degree; ++d, Q_mi += n_i) /* Q stands at xi^(d + 1 - b) eta^b */
-    for (int b = 0; b <= d; ++b, Q_mi += n_i, P_mxi += 2 * n_i) {
-      const vec by_xi = *work->scale * (double)(d + 1 - b), by_eta = *work->scale * (double)(b + 1);
-      for (int i = 0; i < n_i; ++i) {
-        P_mxi[i] = by_xi * Q_mi[i];
-        P_mxi[n_i + i] = by_eta * Q_mi[n_i + i];
-      }
-    }
+  differentiate((derivatives){n_i, n_1, 1, n_i, 2 * n_i, n_i}, batch, work->scale, Q_mi, P_mxi);
 }
 
 /* The transposed way: forces T on these polynomials are added to the residual. */
 static void first_forces(const workspace *work, const tmc_batch *batch, int piece, vec *Q_mi, const vec *T_mxi) {
-  const int degree = batch->gradient_degree, n = batch->n_basis, n_stored = stored_on_piece(batch);
+  const int n_1 = batch->n_first, n = batch->n_basis, n_stored = batch->n_stored;
   const vec *C = work->gradient + (size_t)piece * n_stored * n;
   if (!batch->has_potential) {
-    to_nodes(2, dimension(degree), n, C, T_mxi, work->R_ai);
+    to_nodes(2, n_1, n, C, T_mxi, work->R_ai);
     return;
   }
   memset(Q_mi, 0, 2 * (size_t)n_stored * sizeof(vec));
-  vec *to = Q_mi;
-  for (int d = 0; d <= degree; ++d, to += 2)
-    for (int b = 0; b <= d; ++b, to += 2, T_mxi += 4) {
-      const vec by_xi = *work->scale * (double)(d + 1 - b), by_eta = *work->scale * (double)(b + 1);
-      for (int i = 0; i < 2; ++i) {
-        to[i] += by_xi * T_mxi[i];
-        to[2 + i] += by_eta * T_mxi[2 + i];
-      }
-    }
+  add_differentiated((derivatives){2, n_1, 1, 2, 4, 2}, batch, work->scale, T_mxi, Q_mi);
   to_nodes(1, n_stored, n, C, Q_mi, work->R_ai);
-}
-
-/* Coefficients [m][r][i] of the four second derivatives: d1 of both directions of S, then d2. */
-static void differentiate_polynomials(int degree, const vec *inverse_h, const vec *S_mxi, vec *V_mri) {
-  for (int d = 0, m = 0; d < degree; ++d)
-    for (int b = 0; b <= d; ++b, ++m) {
-      const vec by_xi = *inverse_h * (double)(d - b + 1), by_eta = *inverse_h * (double)(b + 1);
-      const vec *from = S_mxi + 4 * (dimension(d) + b);
-      for (int k = 0; k < 4; ++k) {
-        V_mri[8 * m + k] = by_xi * from[k];
-        V_mri[8 * m + 4 + k] = by_eta * from[4 + k];
-      }
-    }
-}
-
-/* The transposed way: forces W on the derivatives are added to those on S. */
-static void add_differentiated(int degree, const vec *inverse_h, const vec *W_mri, vec *S_mxi) {
-  for (int d = 0, m = 0; d < degree; ++d)
-    for (int b = 0; b <= d; ++b, ++m) {
-      const vec by_xi = *inverse_h * (double)(d - b + 1), by_eta = *inverse_h * (double)(b + 1);
-      vec *to = S_mxi + 4 * (dimension(d) + b);
-      for (int k = 0; k < 4; ++k) {
-        to[k] += by_xi * W_mri[8 * m + k];
-        to[4 + k] += by_eta * W_mri[8 * m + 4 + k];
-      }
-    }
 }
 
 static void weight_monomials(workspace *work, int n_m, int n_q) {
@@ -176,14 +135,13 @@ static int64_t cells_below_tangent(const tmc_batch *batch, const double *u_ni, c
                                    double *energy_c, double *min_j_c, double *residual_ni) {
   workspace work;
   if (!allocate(&work, batch, 0)) return -2;
-  const int n = batch->n_basis, n_q = batch->n_points, n_1 = dimension(batch->gradient_degree);
-  const int second_degree = N_ROWS > 2 ? batch->second_degree : 0;
-  const int n_2 = dimension(second_degree), n_lower = dimension(second_degree - 1);
-  const int n_m = dimension(monomial_degree(batch));
+  const int n = batch->n_basis, n_q = batch->n_points, n_1 = batch->n_first, n_m = n_monomials(batch);
+  const int n_2 = batch->n_second, n_lower = N_ROWS > N_FIRST_ROWS ? batch->n_lower : 0;
+  const derivatives second = {N_F, n_lower, 0, N_F, N_G, N_F}; /* d1 of both directions of S, then d2 */
   /* the second gradient is often that of the first gradient's own polynomials */
-  const int own = N_ROWS > 2 && batch->n_pieces == 1 && batch->second_spxma == batch->gradient_sptxma;
-  vec *P_mxi = work.polynomials, *T_mxi = P_mxi + 4 * n_1, *S_mxi = T_mxi + 4 * n_1;
-  vec *V_mri = S_mxi + 4 * n_2, *W_mri = V_mri + 8 * n_lower, *Q_mi = W_mri + 8 * n_lower;
+  const int own = N_ROWS > N_FIRST_ROWS && batch->n_pieces == 1 && batch->second_spxma == batch->gradient_sptxma;
+  vec *P_mxi = work.polynomials, *T_mxi = P_mxi + N_F * n_1, *S_mxi = T_mxi + N_F * n_1;
+  vec *V_mri = S_mxi + N_F * n_2, *W_mri = V_mri + N_G * n_lower, *Q_mi = W_mri + N_G * n_lower;
   state states[STATES];
   memset(states, 0, sizeof states); /* entries that vanish identically are never written */
   int64_t inadmissible = -1;
@@ -194,20 +152,20 @@ static int64_t cells_below_tangent(const tmc_batch *batch, const double *u_ni, c
     vec energy = {0.0}, min_j = (vec){0.0} + INFINITY;
     if (residual_ni) {
       memset(work.R_ai, 0, 2 * (size_t)n * sizeof(vec));
-      memset(W_mri, 0, 8 * (size_t)n_lower * sizeof(vec));
+      memset(W_mri, 0, N_G * (size_t)n_lower * sizeof(vec));
     }
     if (n_lower && !own) {
       to_polynomials(2, 2, n_2, n, work.second, work.u_ai, S_mxi);
-      differentiate_polynomials(second_degree, work.scale, S_mxi, V_mri);
+      differentiate(second, batch, work.scale, S_mxi, V_mri);
     }
     for (int q = 0, end; q < n_q; q = end) {
       end = piece_end(batch, q);
       first_gradient(2, &work, batch, batch->piece_q[q], Q_mi, P_mxi);
-      if (own) differentiate_polynomials(second_degree, work.scale, P_mxi, V_mri);
+      if (own) differentiate(second, batch, work.scale, P_mxi, V_mri);
       for (int q0 = q, q1; q0 < end; q0 = q1) {
         q1 = states_end(end, q0);
-        product(0, 0, q1 - q0, 4, n_1, work.m_mq + q0, n_q, P_mxi, 4, states->x, STEP);
-        if (N_ROWS > 2) product(0, 0, q1 - q0, 8, n_lower, work.m_mq + q0, n_q, V_mri, 8, states->x + 4, STEP);
+        product(0, 0, q1 - q0, N_F, n_1, work.m_mq + q0, n_q, P_mxi, N_F, states->x, STEP);
+        if (N_ROWS > N_FIRST_ROWS) product(0, 0, q1 - q0, N_G, n_lower, work.m_mq + q0, n_q, V_mri, N_G, states->x + N_F, STEP);
         for (int p = 0; p < q1 - q0; ++p) {
           state *at = states + p;
           const vec w = work.weights[q0 + p];
@@ -219,18 +177,18 @@ static int64_t cells_below_tangent(const tmc_batch *batch, const double *u_ni, c
           energy += w * at->psi;
         }
         if (residual_ni) {
-          product(0, q0 > q, n_1, 4, q1 - q0, work.wm_qm + q0 * n_m, n_m, states->g, STEP, T_mxi, 4);
-          if (N_ROWS > 2) product(0, 1, n_lower, 8, q1 - q0, work.wm_qm + q0 * n_m, n_m, states->g + 4, STEP, W_mri, 8);
+          product(0, q0 > q, n_1, N_F, q1 - q0, work.wm_qm + q0 * n_m, n_m, states->g, STEP, T_mxi, N_F);
+          if (N_ROWS > N_FIRST_ROWS) product(0, 1, n_lower, N_G, q1 - q0, work.wm_qm + q0 * n_m, n_m, states->g + N_F, STEP, W_mri, N_G);
         }
       }
       if (residual_ni) {
-        if (own) add_differentiated(second_degree, work.scale, W_mri, T_mxi);
+        if (own) add_differentiated(second, batch, work.scale, W_mri, T_mxi);
         first_forces(&work, batch, batch->piece_q[q], Q_mi, T_mxi);
       }
     }
     if (residual_ni && n_lower && !own) {
-      memset(S_mxi, 0, 4 * (size_t)n_2 * sizeof(vec));
-      add_differentiated(second_degree, work.scale, W_mri, S_mxi);
+      memset(S_mxi, 0, N_F * (size_t)n_2 * sizeof(vec));
+      add_differentiated(second, batch, work.scale, W_mri, S_mxi);
       to_nodes(2, n_2, n, work.second, S_mxi, work.R_ai);
     }
     store_energies(batch, c0, &energy, &min_j, energy_c, min_j_c, &inadmissible);

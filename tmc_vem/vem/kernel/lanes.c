@@ -4,7 +4,9 @@
  * lanes and the products of small matrices that everything else is made of.
  */
 
-enum { N_X = 12, N_H = 78 };
+_Static_assert(DIMENSION == 2 && N_COMPONENTS == 2, "the cell driver is for fields of two components in the plane");
+
+enum { N_F = N_COMPONENTS * N_FIRST_ROWS, N_G = N_X - N_F }; /* first and second derivatives at a point */
 
 /* Tiles that stay in registers: 16 sums and 8 operands with 32 vector registers, else 4 sums. */
 #ifdef __AVX512F__

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.packs import LANES, packed
-from codegen.potential import degree_of, gradient_of_potential
+from codegen.library import address
+from tmc_vem.vem.kernel.packs import LANES, packed
+from tmc_vem.vem.spaces import monomials
+from tmc_vem.vem.spaces.potential import gradient_of_potential
 
 Array = NDArray[np.float64]
 Int32 = NDArray[np.int32]
@@ -22,8 +24,10 @@ class BatchStruct(ctypes.Structure):
 
     _fields_ = (
         ("n_cells", ctypes.c_int64),
-        *((name, ctypes.c_int32) for name in ("n_basis", "n_points", "n_pieces", "gradient_degree", "second_degree")),
+        *((name, ctypes.c_int32) for name in ("n_basis", "n_points", "n_pieces")),
+        *((name, ctypes.c_int32) for name in ("n_first", "n_stored", "n_second", "n_lower")),
         *((name, ctypes.c_int32) for name in ("n_translated", "has_potential")),
+        *((name, ctypes.c_void_p) for name in ("raised_mx", "power_mx")),
         *((name, ctypes.c_void_p) for name in ("shape_c", "nodes_ca", "piece_q", "w_spq", "xi_spqx")),
         *((name, ctypes.c_void_p) for name in ("inverse_h_sp", "gradient_sptxma", "second_spxma")),
     )
@@ -53,7 +57,7 @@ class CellBatch:
             take the translation of the first node out before they sum, which keeps a stiff body that moves far free
             of forces from rounding. 0 if a translation is something else.
         has_potential: ``gradient_sp`` holds the coefficients (n_packs, n_pieces, dim P - 1, n_basis, 8) of a potential,
-            one degree higher and without the constant, see :mod:`codegen.potential`.
+            one degree higher and without the constant, see :mod:`tmc_vem.vem.spaces.potential`.
     """
 
     shape_c: Int32
@@ -105,8 +109,8 @@ class CellBatch:
             inverse_h_sp=packed(1.0 / h_s),
             gradient_sp=gradient,
             second_sp=gradient if shared else None if second_sxma is None else packed(second_sxma),
-            gradient_degree=degree_of(gradient_stxma.shape[3]),
-            second_degree=0 if second_sxma is None else degree_of(second_sxma.shape[2]),
+            gradient_degree=monomials.degree_of(gradient_stxma.shape[3]),
+            second_degree=0 if second_sxma is None else monomials.degree_of(second_sxma.shape[2]),
             n_pieces=gradient_stxma.shape[1],
             n_translated=n_translated,
         )
@@ -178,11 +182,16 @@ class CellBatch:
         Raises:
             ValueError: an array is not contiguous.
         """
+        first, lower = self.gradient_degree, self.second_degree - 1
+        n_first = monomials.dimension(first)
+        n_stored = monomials.dimension(first + 1) - 1 if self.has_potential else 2 * n_first
+        table = monomials.raised(max(first, lower))
         return BatchStruct(
-            self.n_cells, self.n_basis, self.n_points, self.n_pieces, self.gradient_degree, self.second_degree,
-            self.n_translated, self.has_potential, address(self.shape_c), address(self.nodes_ca), address(self.piece_q),
-            address(self.w_sp), address(self.xi_sp), address(self.inverse_h_sp), address(self.gradient_sp),
-            address(self.second_sp),
+            self.n_cells, self.n_basis, self.n_points, self.n_pieces, n_first, n_stored,
+            monomials.dimension(self.second_degree), monomials.dimension(lower), self.n_translated, self.has_potential,
+            address(table.position_mx), address(table.power_mx), address(self.shape_c), address(self.nodes_ca),
+            address(self.piece_q), address(self.w_sp), address(self.xi_sp), address(self.inverse_h_sp),
+            address(self.gradient_sp), address(self.second_sp),
         )  # fmt: skip
 
 
@@ -211,16 +220,3 @@ class Tangents:
         """
         arrays = (self.dense_caibj, self.values, self.position_cab, self.row_length_n)
         return TangentsStruct(*(address(a) for a in arrays))
-
-
-def address(array: NDArray[Any] | None) -> int | None:
-    """Address of an array's data for C.
-
-    Raises:
-        ValueError: the array is not C-contiguous.
-    """
-    if array is None:
-        return None
-    if not array.flags.c_contiguous:
-        raise ValueError("kernels take C-contiguous arrays only")
-    return array.ctypes.data

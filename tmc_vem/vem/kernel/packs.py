@@ -7,9 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from codegen.integrand import LAYOUT
+
 Array = NDArray[np.float64]
 
-LANES, ALIGNMENT = 8, 64
+LANES, ALIGNMENT = LAYOUT.lanes, 64
 
 
 class Packs:

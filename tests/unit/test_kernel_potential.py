@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_codegen_driver import PARAMETERS, kernel_of, powers, random_batch, run
+from test_kernel_cells import PARAMETERS, kernel_of, powers, random_batch, run
 
-from codegen.batch import CellBatch
-from codegen.packs import packed
-from codegen.potential import gradient_of_potential, potential_of_gradient
+from tmc_vem.vem.kernel.batch import CellBatch
+from tmc_vem.vem.kernel.packs import packed
+from tmc_vem.vem.spaces.potential import gradient_of_potential, potential_of_gradient
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 3, 4])

@@ -3,50 +3,18 @@
  * from its component blocks xx, xy and yy, the symmetric ones by half.
  */
 
-/* Position of (row, column), row <= column, in the packed upper triangle of the 12 x 12 Hessian. */
+/* Position of (row, column), row <= column, in the packed upper triangle of the Hessian. */
 static inline int packed(int row, int column) { return row * N_X - row * (row - 1) / 2 + column - row; }
 
 static inline int hessian_index(int a, int b) { return a <= b ? packed(a, b) : packed(b, a); }
 
-/* Coefficients of d1 of both components of the gradient, then of d2: [4][dimension(degree - 1)][n_basis]. */
-static void differentiate(int degree, int n_basis, const vec *inverse_h, const vec *second_xma, vec *derivative_xma) {
-  const int n_m = dimension(degree), n_lower = dimension(degree - 1);
-  for (int x = 0; x < 2; ++x)
-    for (int d = 0, m = 0; d < degree; ++d)
-      for (int b = 0; b <= d; ++b, ++m) {
-        const vec by_xi = *inverse_h * (double)(d - b + 1), by_eta = *inverse_h * (double)(b + 1);
-        const vec *from = second_xma + ((size_t)x * n_m + dimension(d) + b) * n_basis;
-        vec *d1 = derivative_xma + ((size_t)x * n_lower + m) * n_basis;
-        vec *d2 = derivative_xma + ((size_t)(x + 2) * n_lower + m) * n_basis;
-        for (int a = 0; a < n_basis; ++a) {
-          d1[a] = by_xi * from[a];
-          d2[a] = by_eta * from[n_basis + a];
-        }
-      }
-}
-
-/* Coefficients of the first gradient from those of its potential: [piece][x][m][a]. */
-static void differentiate_potential(workspace *work, const tmc_batch *batch) {
-  const int degree = batch->gradient_degree, n = batch->n_basis, n_1 = dimension(degree);
-  const vec *from = work->gradient;
-  vec *to = work->gradient_txma;
-  for (int t = 0; t < batch->n_pieces; ++t, to += 2 * (size_t)n_1 * n)
-    for (int d = 0, m = 0; d <= degree; ++d, from += n) /* from stands at xi^(d + 1 - b) eta^b */
-      for (int b = 0; b <= d; ++b, ++m, from += n) {
-        const vec by_xi = *work->scale * (double)(d + 1 - b), by_eta = *work->scale * (double)(b + 1);
-        vec *d1 = to + (size_t)m * n, *d2 = to + (size_t)(n_1 + m) * n;
-        for (int a = 0; a < n; ++a) {
-          d1[a] = by_xi * from[a];
-          d2[a] = by_eta * from[n + a];
-        }
-      }
-}
-
 /* Derivative rows of the basis of LANES cells; nothing is done if the shapes are those of the call before. */
 static void tabulate(workspace *work, const tmc_batch *batch, int64_t first_cell) {
   if (!take_shapes(work, batch, first_cell)) return;
-  const int n = batch->n_basis, n_q = batch->n_points, n_1 = dimension(batch->gradient_degree), step = N_ROWS * n;
-  if (batch->has_potential) differentiate_potential(work, batch);
+  const int n = batch->n_basis, n_q = batch->n_points, n_1 = batch->n_first, step = N_ROWS * n;
+  for (int t = 0; batch->has_potential && t < batch->n_pieces; ++t)
+    differentiate((derivatives){n, n_1, 1, n, n, (size_t)n_1 * n}, batch, work->scale,
+                  work->gradient + (size_t)t * batch->n_stored * n, work->gradient_txma + (size_t)t * 2 * n_1 * n);
   const vec *gradient_txma = batch->has_potential ? work->gradient_txma : work->gradient;
   for (int q = 0, end; q < n_q; q = end) {
     end = piece_end(batch, q);
@@ -55,11 +23,14 @@ static void tabulate(workspace *work, const tmc_batch *batch, int64_t first_cell
       product(0, 0, end - q, n, n_1, work->m_mq + q, n_q, C_xma + (size_t)x * n_1 * n, n,
               work->B_qra + (size_t)q * step + x * n, step);
   }
-  if (N_ROWS > 2) {
-    const int n_lower = dimension(batch->second_degree - 1);
-    differentiate(batch->second_degree, n, work->scale, work->second, work->derivative_xma);
-    for (int r = 2; r < N_ROWS; ++r)
-      product(0, 0, n_q, n, n_lower, work->m_mq, n_q, work->derivative_xma + (size_t)(r - 2) * n_lower * n, n,
+  if (N_ROWS > N_FIRST_ROWS) {
+    const int n_lower = batch->n_lower;
+    const size_t block = (size_t)n_lower * n; /* of one derivative; d1 of both components of the gradient, then d2 */
+    for (int x = 0; x < 2; ++x)
+      differentiate((derivatives){n, n_lower, 0, n, n, 2 * block}, batch, work->scale,
+                    work->second + (size_t)x * batch->n_second * n, work->derivative_xma + x * block);
+    for (int r = N_FIRST_ROWS; r < N_ROWS; ++r)
+      product(0, 0, n_q, n, n_lower, work->m_mq, n_q, work->derivative_xma + (r - N_FIRST_ROWS) * block, n,
               work->B_qra + r * n, step);
   }
 }

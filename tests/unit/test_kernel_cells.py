@@ -8,20 +8,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from test_codegen_layout import FLUX, ONLY_F
 
-from codegen import abi
-from codegen.batch import BatchStruct, CellBatch, Tangents, TangentsStruct
-from codegen.ctext import abi_header
+from codegen.ctext import points_header
 from codegen.errors import CodegenError
-from codegen.kernel import ENERGY, TANGENT, Kernel, compile_energy
+from codegen.integrand import second_gradient_energy
+from codegen.kernel import ENERGY, TANGENT, Kernel
+from codegen.library import ARRAY, INT, INT64, POINTS, load_library
 from tmc_vem.energy import DENSITIES
+from tmc_vem.vem.kernel.abi import SIGNATURES
+from tmc_vem.vem.kernel.batch import BatchStruct, CellBatch, Tangents, TangentsStruct
+from tmc_vem.vem.kernel.cells import CellKernel, compile_cells
+from tmc_vem.vem.kernel.driver import CELL_DRIVER
 
 PARAMETERS = {"K": 20.0, "mu": 10.0, "gamma": 0.5, "alpha_r": 0.7, "beta": 2.0}
 
 
-def kernel_of(name: str) -> Kernel:
+def kernel_of(name: str) -> CellKernel:
     energy = DENSITIES[name]
-    return compile_energy(energy.density, energy.name, energy.parameters, energy.description)
+    return compile_cells(second_gradient_energy(energy.density, energy.name, energy.parameters))
 
 
 def random_batch(n_cells, n_basis, n_points, n_shapes, rng, *, degrees=(3, 2), n_pieces=1, own_nodes=True):
@@ -112,6 +117,22 @@ def test_cells_are_the_sums_over_their_points(name, n_cells, n_basis, n_points, 
     np.testing.assert_allclose(found_residual, residual, rtol=0, atol=1e-12 * np.abs(residual).max())
     np.testing.assert_allclose(found_tangent, tangent, rtol=0, atol=1e-12 * np.abs(tangent).max())
     assert found.inadmissible is None
+
+
+def test_an_integrand_of_f_alone_has_the_same_cells():
+    rng = np.random.default_rng(3)
+    batch, _ = random_batch(9, 7, 5, 3, rng)
+    u = rng.normal(scale=0.003, size=(63, 2))
+    whole = second_gradient_energy(lambda F, G, p, m: ONLY_F.function(F, p, m), "stretch", ("mu",))
+    found, expected = (run(compile_cells(integrand), batch, u) for integrand in (ONLY_F, whole))
+    np.testing.assert_array_equal(found[0].energy_c, expected[0].energy_c)
+    np.testing.assert_array_equal(found[1], expected[1])
+    np.testing.assert_array_equal(found[2], expected[2])
+
+
+def test_a_field_that_the_driver_is_not_made_for_is_refused():
+    with pytest.raises(CodegenError, match=r"failed: the cell driver is for fields of two components in the plane$"):
+        compile_cells(FLUX)
 
 
 @pytest.mark.parametrize("name", ["medium_angle_damped", "medium_huhu_lulu_damped"])
@@ -310,22 +331,26 @@ def test_arrays_of_the_wrong_shape_are_refused():
 # ---- ABI ------------------------------------------------------------------------------------------------------------
 
 
+def without_comments(code):
+    return re.sub(r"/\*.*?\*/", "", code, flags=re.DOTALL)
+
+
 def test_signatures_are_those_of_the_header():
-    code = re.sub(r"/\*.*?\*/", "", abi_header(), flags=re.DOTALL)
+    code = without_comments(points_header() + CELL_DRIVER.declarations)
     declared = {}
     for result, name, arguments in re.findall(r"(\w+) (tmc_\w+)\(([^)]*)\);", code):
         types = ["pointer" if "*" in argument else argument.split()[0] for argument in arguments.split(",")]
         declared[name] = (result, types)
-    names = {abi._INT: "int", abi._INT64: "int64_t", abi._ARRAY: "pointer", None: "void"}
+    names = {INT: "int", INT64: "int64_t", ARRAY: "pointer", None: "void"}
     expected = {
         name: (names[result], [names[argument] for argument in arguments])
-        for name, (result, arguments) in abi.SIGNATURES.items()
+        for name, (result, arguments) in SIGNATURES.items()
     }
     assert declared == expected
 
 
 def test_structures_are_those_of_the_header():
-    code = re.sub(r"/\*.*?\*/", "", abi_header(), flags=re.DOTALL)
+    code = without_comments(CELL_DRIVER.declarations)
     names = {ctypes.c_int64: "int64_t", ctypes.c_int32: "int32_t", ctypes.c_void_p: "pointer"}
     for name, struct in (("tmc_batch", BatchStruct), ("tmc_tangents", TangentsStruct)):
         (body,) = re.findall(rf"typedef struct {{([^}}]*)}} {name};", code)
@@ -339,4 +364,4 @@ def test_structures_are_those_of_the_header():
 
 def test_a_library_that_is_no_kernel_is_refused(tmp_path):
     with pytest.raises(CodegenError, match=r"no-kernel\.so cannot be loaded"):
-        abi.load_library(tmp_path / "no-kernel.so")
+        load_library(tmp_path / "no-kernel.so", POINTS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from codegen.packs import Packs, packed
+from tmc_vem.vem.kernel.packs import Packs, packed
 
 
 @pytest.mark.parametrize("pieces", [[20], [8, 8, 4], [3, 1, 9, 7], [1] * 11, [5, 30, 2], [16, 0, 1]])

@@ -10,17 +10,13 @@
  * sp_ma is [n_packs][m][a][8].
  */
 
-/* What to compute; each level includes the ones before it. */
-enum { TMC_ENERGY = 0, TMC_GRADIENT = 1, TMC_TANGENT = 2 };
-
-/* Number of derivative rows that the energy uses: 2 (F only) or 6 (F and G). */
-extern const int tmc_n_rows;
-
 /* Cells with equally many basis functions, pieces and quadrature points.
  *
  * The projected gradient of a basis function is, on piece t, sum_m gradient_txma m(xi); the second gradient is the
  * derivative of sum_m second_xma m(xi), one polynomial on the whole cell. Both are derivatives with respect to the
- * original coordinates. The monomials xi^a eta^b of the scaled coordinates are ordered by degree, then by b.
+ * original coordinates. Which monomials of the scaled coordinates there are is told by a table: of every monomial m and
+ * coordinate xi_x, where xi_x m stands among them, and its power of xi_x, so that d(xi_x m)/dxi_x is power_mx m. The first
+ * monomial is 1, and every other is one of these products.
  *
  * Where the projected gradient on every piece is the gradient of a polynomial sum_m potential_tma m(xi), its coefficients
  * without the constant, m = 1, 2, ..., may take the place of gradient_txma: three quarters of the memory for degree 2.
@@ -28,9 +24,12 @@ extern const int tmc_n_rows;
 typedef struct {
   int64_t n_cells;
   int32_t n_basis, n_points, n_pieces;
-  int32_t gradient_degree, second_degree; /* of gradient_txma and second_xma */
+  int32_t n_first, n_stored;  /* monomials of the first gradient; coefficients kept of it for a function on a piece */
+  int32_t n_second, n_lower;  /* monomials of second_xma, and of its derivatives, the first of them */
   int32_t n_translated; /* a translation by 1 is 1 in so many degrees of freedom, the first, and 0 in the others; or 0 */
-  int32_t has_potential; /* 1 if gradient_sptxma holds potential_sptma, whose degree is one higher */
+  int32_t has_potential; /* 1 if gradient_sptxma holds potential_sptma */
+  const int32_t *raised_mx;   /* positions of xi m and eta m, for the monomials of both gradients */
+  const double *power_mx;     /* powers of xi in the one, of eta in the other */
   const int32_t *shape_c;                 /* [n_cells] */
   const int32_t *nodes_ca;                /* [n_cells][n_basis] */
   const int32_t *piece_q;                 /* [n_points] the piece on which a point lies */
@@ -78,12 +77,3 @@ int64_t tmc_max_step(const tmc_batch *batch, const double *u_ni, const double *d
 int64_t tmc_positions(int64_t n_cells, int n_basis, const int32_t *nodes_ca, const int64_t *row_start_n,
                       const int32_t *row_length_n, const int32_t *column_n, const int32_t *columns,
                       int32_t *position_cab);
-
-/* Energy density and its derivatives at single states, in the order of Appendix C.
- *   x_nx   [n_states][12]  F - I and G: [H11 H21 H12 H22 G111 G211 G121 G221 G112 G212 G122 G222]
- *   psi_n  [n_states]      out
- *   g_nx   [n_states][12]  out from level 1, else may be NULL
- *   h_nk   [n_states][78]  out at level 2, else may be NULL: upper triangle of the Hessian, row by row
- */
-void tmc_points(int level, int64_t n_states, const double *x_nx, const double *parameters,
-                double *psi_n, double *g_nx, double *h_nk);

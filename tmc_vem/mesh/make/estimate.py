@@ -1,45 +1,22 @@
-"""How many cells a mesh would have, before it is made: a size that is a slip should not cost hours and all memory."""
+"""How many cells a mesh of outlines would have, before it is made."""
 
 from __future__ import annotations
 
-import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.mesh.cell_count import check_cells, most_cells
 from tmc_vem.mesh.make.outline import Curve, Region, Size, evaluate_size
-from tmc_vem.support.errors import InputError
 
 Float = NDArray[np.float64]
 
-# A million cells are about ten million degrees of freedom, and four minutes of meshing.
-MOST_CELLS = 1_000_000
-VARIABLE = "TMC_VEM_MOST_CELLS"
-# cells in a square whose side is the size of cells
-POLYGONS, QUADRILATERALS, TRIANGLES = 1.0, 1.0, 4.0 / np.sqrt(3.0)
 # Sizes of cells grow at most by this for each unit of distance.
 STEEPEST = 1.0
 _FIRST = 64  # boxes along each side that an estimate begins with
 _STATIONS = 401
-
-
-def most_cells() -> float:
-    """Cells that a mesh may have: MOST_CELLS, or what the environment says.
-
-    Raises:
-        InputError: that is no positive number.
-    """
-    text = os.environ.get(VARIABLE, "")
-    try:
-        limit = float(text) if text else float(MOST_CELLS)
-    except ValueError:
-        limit = np.nan
-    if not limit > 0.0:
-        raise InputError(f"{VARIABLE} = {text!r} in the environment must be a positive number, such as 2e6")
-    return limit
 
 
 @dataclass(frozen=True)
@@ -49,38 +26,6 @@ class Estimate:
     n_cells: float
     smallest: float
     at_least: bool = False
-
-
-def check_cells(n_cells: float, hint: str, *, at_least: bool = False) -> None:
-    """Check that a mesh would not have too many cells.
-
-    Args:
-        n_cells: estimate of how many it would have.
-        hint: why, and what to change, for the message.
-        at_least: it is a lower bound.
-
-    Raises:
-        InputError: they are more than :func:`most_cells`.
-    """
-    limit = most_cells()
-    if not n_cells <= limit:
-        allowed = "a larger number" if at_least else f"{1.2 * n_cells:.1e}"
-        raise InputError(
-            f"the mesh would have {'at least' if at_least else 'about'} {n_cells:.2g} cells, more than {limit:.3g}: "
-            f"{hint}. With time and memory for it, set {VARIABLE} to {allowed} in the environment"
-        )
-
-
-def check_refined(cells: tuple[int, int], part: float, refinement: int) -> None:
-    """Check a structured mesh of ``cells`` in x and y, a part of whose area has edges that are divided.
-
-    Raises:
-        InputError: it would have too many cells.
-    """
-    plain = math.prod(cells)
-    hint = f"{cells[0]} x {cells[1]} cells"
-    hint += f", divided by {refinement} x {refinement} in the medium" if refinement > 1 else ""
-    check_cells(plain * (1.0 + part * (refinement**2 - 1)), f"{hint}; use fewer")
 
 
 def check_size(regions: Sequence[Region], size: Size, density: float) -> None:

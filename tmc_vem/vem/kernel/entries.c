@@ -40,7 +40,7 @@ static void limit(vec *steps, const vec *gradients) {
 int64_t tmc_max_step(const tmc_batch *batch, const double *u_ni, const double *du_ni, double *step_c) {
   workspace work;
   if (!allocate(&work, batch, 0)) return -2;
-  const int n_q = batch->n_points, n_1 = dimension(batch->gradient_degree);
+  const int n_q = batch->n_points, n_1 = batch->n_first;
   vec gradients[STATES][8]; /* [x][i], i of u and of du */
   for (int64_t c0 = 0; c0 < batch->n_cells; c0 += LANES) {
     take_shapes(&work, batch, c0);
@@ -93,38 +93,4 @@ int64_t tmc_positions(int64_t n_cells, int n_basis, const int32_t *nodes_ca, con
   }
   free(order_b);
   return c < n_cells ? c : -1;
-}
-
-/* ---- Single states ---- */
-
-void tmc_points(int level, int64_t n_states, const double *x_nx, const double *parameters, double *psi_n,
-                double *g_nx, double *h_nk) {
-  state at;
-  vec hessian[N_H];
-  memset(&at, 0, sizeof at);
-  memset(hessian, 0, sizeof hessian);
-  const_lanes x = (const_lanes)at.x;
-  lanes g = (lanes)at.g, h = (lanes)hessian;
-  double *psi = (double *)&at.psi;
-  for (int64_t n0 = 0; n0 < n_states; n0 += LANES) {
-    const int n_lanes = n_states - n0 < LANES ? (int)(n_states - n0) : LANES;
-    for (int v = 0; v < LANES; ++v) {
-      const int64_t n = v < n_lanes ? n0 + v : n_states - 1;
-      for (int k = 0; k < N_X; ++k) ((lanes)at.x)[k][v] = x_nx[n * N_X + k];
-    }
-    if (level == TMC_ENERGY)
-      point_energy(x, parameters, psi);
-    else if (level == TMC_GRADIENT)
-      point_gradient(x, parameters, psi, g);
-    else
-      point_tangent(x, parameters, psi, g, h);
-    for (int v = 0; v < n_lanes; ++v) {
-      const int64_t n = n0 + v;
-      psi_n[n] = psi[v];
-      if (level >= TMC_GRADIENT)
-        for (int k = 0; k < N_X; ++k) g_nx[n * N_X + k] = g[k][v];
-      if (level >= TMC_TANGENT)
-        for (int k = 0; k < N_H; ++k) h_nk[n * N_H + k] = h[k][v];
-    }
-  }
 }

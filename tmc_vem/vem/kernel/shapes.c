@@ -21,25 +21,14 @@ typedef struct {
   void *allocated;     /* all of the above that is not where the shapes have it */
 } workspace;
 
-static inline int dimension(int degree) { return degree < 0 ? 0 : (degree + 1) * (degree + 2) / 2; }
-
-/* Degree up to which monomials are needed at the points. */
-static inline int monomial_degree(const tmc_batch *batch) {
-  const int second = N_ROWS > 2 ? batch->second_degree - 1 : 0;
-  return second > batch->gradient_degree ? second : batch->gradient_degree;
-}
-
-/* Stored coefficients of the first gradient on one piece, for every basis function. Those of a potential, which is of
- * one degree more and lacks the constant, are counted without a subtraction: gcc 13 and 14 take dimension(.) - 1 for
- * -1 and warn of the size of what is cleared with it. */
-static inline int stored_on_piece(const tmc_batch *batch) {
-  const int degree = batch->gradient_degree;
-  return batch->has_potential ? (degree + 1) * (degree + 4) / 2 : 2 * dimension(degree);
+/* How many monomials are needed at the points. */
+static inline int n_monomials(const tmc_batch *batch) {
+  return N_ROWS > N_FIRST_ROWS && batch->n_lower > batch->n_first ? batch->n_lower : batch->n_first;
 }
 
 static int allocate(workspace *work, const tmc_batch *batch, int tangent) {
-  const size_t n = batch->n_basis, n_q = batch->n_points, n_1 = dimension(batch->gradient_degree);
-  const size_t n_2 = dimension(batch->second_degree), n_m = dimension(monomial_degree(batch));
+  const size_t n = batch->n_basis, n_q = batch->n_points, n_1 = batch->n_first, n_stored = batch->n_stored;
+  const size_t n_2 = batch->n_second, n_lower = batch->n_lower, n_m = n_monomials(batch);
   const struct {
     vec **part;
     size_t size;
@@ -47,19 +36,19 @@ static int allocate(workspace *work, const tmc_batch *batch, int tangent) {
   } parts[] = {
       {&work->w_q, n_q, 1},
       {&work->xi_qx, 2 * n_q, 1},
-      {&work->stored_gradient, stored_on_piece(batch) * n * batch->n_pieces, 1},
+      {&work->stored_gradient, n_stored * n * batch->n_pieces, 1},
       {&work->second_xma, 2 * n_2 * n, 1},
       {&work->inverse_h, 1, 1},
       {&work->m_mq, n_m * n_q, 1},
       {&work->u_ai, 4 * n, 1}, /* two displacements side by side for the largest step */
       {&work->R_ai, 2 * n, 1},
-      {&work->polynomials, 16 * n_1 + 20 * n_2, !tangent},
+      {&work->polynomials, 2 * N_F * n_1 + 4 * n_stored + N_F * n_2 + 2 * N_G * n_lower, !tangent},
       {&work->wm_qm, n_m * n_q, !tangent},
       {&work->gradient_txma, 2 * n_1 * n * batch->n_pieces, tangent && batch->has_potential},
       {&work->B_qra, n_q * N_ROWS * n, tangent},
       {&work->D_kqra, 3 * POINTS_AT_ONCE * N_ROWS * n, tangent},
       {&work->K_kab, 3 * n * n, tangent},
-      {&work->derivative_xma, 4 * n_2 * n, tangent},
+      {&work->derivative_xma, 4 * n_lower * n, tangent},
   };
   size_t total = 0;
   for (size_t p = 0; p < sizeof parts / sizeof *parts; ++p) total += parts[p].wanted ? parts[p].size : 0;
@@ -88,17 +77,52 @@ static const vec *of_shapes(const double *values_sp, size_t n, const int32_t *sh
   return gathered;
 }
 
-/* Monomials xi^a eta^b up to a degree, by degree, then by b. */
-static void monomials(int degree, int n_points, const vec *xi_qx, vec *m_mq) {
-  for (int q = 0; q < n_points; ++q) {
-    vec *lower = m_mq + q, *upper = lower + n_points;
-    *lower = (vec){0.0} + 1.0;
-    for (int d = 1; d <= degree; ++d) {
-      for (int b = 0; b < d; ++b, lower += n_points, upper += n_points) *upper = *lower * xi_qx[2 * q];
-      *upper = lower[-n_points] * xi_qx[2 * q + 1];
-      upper += n_points;
+/* The first n_m monomials at the points, each a product of one before it and a coordinate. */
+static void monomials(const tmc_batch *batch, int n_m, const vec *xi_qx, vec *m_mq) {
+  const int n_q = batch->n_points;
+  for (int q = 0; q < n_q; ++q) m_mq[q] = (vec){0.0} + 1.0;
+  for (int m = 0; m < n_m; ++m)
+    for (int x = 0; x < 2; ++x) {
+      const int product = batch->raised_mx[2 * m + x];
+      if (product >= n_m || (x == 1 && batch->raised_mx[2 * m + 2] == product)) continue; /* left to the next one */
+      const vec *from = m_mq + (size_t)m * n_q;
+      vec *to = m_mq + (size_t)product * n_q;
+      for (int q = 0; q < n_q; ++q) to[q] = from[q] * xi_qx[2 * q + x];
     }
-  }
+}
+
+/* Coefficients of polynomials whose monomials are from_m vectors apart, ``width`` of them side by side, and of their
+ * derivatives [m][x], to_m and to_x apart. Monomials before the ``first`` one are not stored: 1 for a potential. */
+typedef struct {
+  const int width;
+  int n_m, first;
+  size_t from_m, to_m, to_x;
+} derivatives;
+
+/* Derivatives with respect to the original coordinates, for the first n_m monomials. */
+ALWAYS_INLINE void differentiate(const derivatives of, const tmc_batch *batch, const vec *inverse_h, const vec *from,
+                                 vec *to) {
+  for (int m = 0; m < of.n_m; ++m)
+#pragma GCC unroll 2
+    for (int x = 0; x < 2; ++x) {
+      const vec factor = *inverse_h * batch->power_mx[2 * m + x];
+      const vec *f = from + (batch->raised_mx[2 * m + x] - of.first) * of.from_m;
+      vec *t = to + m * of.to_m + x * of.to_x;
+      for (int k = 0; k < of.width; ++k) t[k] = factor * f[k];
+    }
+}
+
+/* The transposed way: forces on the derivatives are added to those on the polynomials. */
+ALWAYS_INLINE void add_differentiated(const derivatives of, const tmc_batch *batch, const vec *inverse_h, const vec *to,
+                                      vec *from) {
+  for (int m = 0; m < of.n_m; ++m)
+#pragma GCC unroll 2
+    for (int x = 0; x < 2; ++x) {
+      const vec factor = *inverse_h * batch->power_mx[2 * m + x];
+      vec *f = from + (batch->raised_mx[2 * m + x] - of.first) * of.from_m;
+      const vec *t = to + m * of.to_m + x * of.to_x;
+      for (int k = 0; k < of.width; ++k) f[k] += factor * t[k];
+    }
 }
 
 /* Coefficients, weights and monomials of the cells from first_cell on. Returns 0 and does nothing if their shapes are
@@ -118,15 +142,14 @@ static int take_shapes(workspace *work, const tmc_batch *batch, int64_t first_ce
 
   const size_t n = batch->n_basis, n_q = batch->n_points;
   const vec *xi_qx = of_shapes(batch->xi_spqx, 2 * n_q, shape_v, work->xi_qx);
-  work->gradient = of_shapes(batch->gradient_sptxma, batch->n_pieces * stored_on_piece(batch) * n, shape_v,
+  work->gradient = of_shapes(batch->gradient_sptxma, batch->n_pieces * batch->n_stored * n, shape_v,
                              work->stored_gradient);
   work->scale = of_shapes(batch->inverse_h_sp, 1, shape_v, work->inverse_h);
   work->weights = of_shapes(batch->w_spq, n_q, shape_v, work->w_q);
-  if (N_ROWS > 2) {
-    work->second = of_shapes(batch->second_spxma, 2 * (size_t)dimension(batch->second_degree) * n, shape_v,
-                             work->second_xma);
+  if (N_ROWS > N_FIRST_ROWS) {
+    work->second = of_shapes(batch->second_spxma, 2 * (size_t)batch->n_second * n, shape_v, work->second_xma);
   }
-  monomials(monomial_degree(batch), (int)n_q, xi_qx, work->m_mq);
+  monomials(batch, n_monomials(batch), xi_qx, work->m_mq);
   return 1;
 }
 

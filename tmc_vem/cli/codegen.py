@@ -1,0 +1,8 @@
+"""The command ``tmc-vem codegen``: the code generator's, for kernels with the cell driver."""
+
+from __future__ import annotations
+
+from codegen.cli import make_command
+from tmc_vem.vem.kernel.driver import CELL_DRIVER
+
+main = make_command(CELL_DRIVER)

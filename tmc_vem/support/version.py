@@ -1,0 +1,3 @@
+"""The version of this program, alone, as everything may need it."""
+
+VERSION = "0.1.0"
