@@ -53,8 +53,8 @@ def check_size(regions: Sequence[Region], size: Size, density: float, limit: flo
 def estimate(regions: Sequence[Region], size: Size, density: float, limit: float) -> Estimate:
     """How many cells of a size regions have; see :func:`check_size`.
 
-    Where the size varies, the domain is cut into boxes until it hardly does within any. That ends at the limit, as every
-    box that is still to be cut stands for one cell at least.
+    Where the size varies, the domain is cut into boxes until it hardly does within any. That ends at the limit, as
+    every box that is still to be cut stands for one cell at least.
     """
     import shapely
 
