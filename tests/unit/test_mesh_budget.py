@@ -13,14 +13,14 @@ from test_problem_file import SMALL, small
 
 from tmc_vem import Box
 from tmc_vem.cli.main import _run
-from tmc_vem.mesh import cell_count
-from tmc_vem.mesh.cell_count import POLYGONS, QUADRILATERALS, TRIANGLES, VARIABLE
+from tmc_vem.mesh.cell_count import POLYGONS, QUADRILATERALS, TRIANGLES
 from tmc_vem.mesh.make.estimate import check_size, estimate
 from tmc_vem.mesh.make.outline import Arc, Region
 from tmc_vem.mesh.make.triangles import triangle_mesh
 from tmc_vem.mesh.make.voronoi import voronoi_mesh
 from tmc_vem.problems import Bodies, CBox, Punch
 from tmc_vem.simulation.triangulated import Triangulated
+from tmc_vem.support.environment import MOST_CELLS, VARIABLE, cells_allowed
 from tmc_vem.support.errors import InputError
 
 SQUARE = [Region("domain", [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])]
@@ -34,12 +34,16 @@ def near_a_line(smallest: float) -> Callable[[Any], Any]:
 @pytest.mark.parametrize("regions", [SQUARE, HALF_DISC], ids=["square", "half disc"])
 @pytest.mark.parametrize("size", [0.03, near_a_line(0.01)], ids=["uniform", "refined"])
 def test_estimates_are_near_what_is_made(regions: list[Region], size: Any) -> None:
-    assert estimate(regions, size, POLYGONS).n_cells == pytest.approx(voronoi_mesh(regions, size).n_cells, rel=0.1)
+    assert estimate(regions, size, POLYGONS, MOST_CELLS).n_cells == pytest.approx(
+        voronoi_mesh(regions, size).n_cells, rel=0.1
+    )
     pytest.importorskip("gmsh")
     triangles = triangle_mesh(regions, size)
-    assert estimate(regions, size, TRIANGLES).n_cells == pytest.approx(triangles.n_cells, rel=0.2)
+    assert estimate(regions, size, TRIANGLES, MOST_CELLS).n_cells == pytest.approx(triangles.n_cells, rel=0.2)
     quadrilaterals = triangle_mesh(regions, size, quadrilaterals=True)
-    assert estimate(regions, size, QUADRILATERALS).n_cells == pytest.approx(quadrilaterals.n_cells, rel=0.35)
+    assert estimate(regions, size, QUADRILATERALS, MOST_CELLS).n_cells == pytest.approx(
+        quadrilaterals.n_cells, rel=0.35
+    )
 
 
 def test_estimate_near_a_line_is_the_integral() -> None:
@@ -47,15 +51,15 @@ def test_estimate_near_a_line_is_the_integral() -> None:
     for s in (1e-2, 1e-3, 1e-4):
         reach = (0.1 - s) / 0.3
         exact = 2.0 * (1.0 / s - 1.0 / 0.1) / 0.3 + (1.0 - 2.0 * reach) / 0.1**2
-        assert estimate(SQUARE, near_a_line(s), POLYGONS).n_cells == pytest.approx(exact, rel=0.06)
+        assert estimate(SQUARE, near_a_line(s), POLYGONS, MOST_CELLS).n_cells == pytest.approx(exact, rel=0.06)
 
 
 def test_an_estimate_without_end_is_cut_and_says_so() -> None:
-    found = estimate(SQUARE, near_a_line(1e-12), POLYGONS)
+    found = estimate(SQUARE, near_a_line(1e-12), POLYGONS, MOST_CELLS)
     assert found.at_least
-    assert found.n_cells > cell_count.MOST_CELLS
+    assert found.n_cells > MOST_CELLS
     with pytest.raises(InputError, match=r"at least .* cells, more than 1e.06: cells down to size .*use larger sizes"):
-        check_size(SQUARE, near_a_line(1e-12), POLYGONS)
+        check_size(SQUARE, near_a_line(1e-12), POLYGONS, MOST_CELLS)
 
 
 def strip() -> list[Region]:
@@ -146,9 +150,12 @@ def test_the_limit_can_be_changed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(VARIABLE, "300")
     with pytest.raises(InputError, match=r"about 4e.02 cells, more than 300"):
         voronoi_mesh(SQUARE, 0.05)
+    assert voronoi_mesh(SQUARE, 0.05, most_cells=1000).n_cells > 300  # what is given goes before the environment
+    with pytest.raises(InputError, match=r"cells, more than 200"):
+        voronoi_mesh(SQUARE, 0.05, most_cells=200)
     monkeypatch.setenv(VARIABLE, "3e7")
     assert Box(cells=(4000, 1000)).cells == (4000, 1000)
     for wrong in ("many", "-1", "nan"):
         monkeypatch.setenv(VARIABLE, wrong)
         with pytest.raises(InputError, match=f"{VARIABLE} = '{wrong}'"):
-            cell_count.most_cells()
+            cells_allowed()

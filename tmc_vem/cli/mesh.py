@@ -57,13 +57,14 @@ def rectangle(
     from tmc_vem.mesh.make.outline import Region
     from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
     from tmc_vem.mesh.parts import with_names
+    from tmc_vem.support.environment import cells_allowed
     from tmc_vem.support.validation import require_positive
 
     for name, value in (("--width", width), ("--height", height), ("--size", size)):
         require_positive(name, value, "a length")
     a, b, c, d = (0.0, 0.0), (width, 0.0), (width, height), (0.0, height)
     if kind == "quadrilaterals":
-        check_size([Region("domain", [a, b, c, d])], size, QUADRILATERALS)
+        check_size([Region("domain", [a, b, c, d])], size, QUADRILATERALS, cells_allowed())
         x, y = (np.linspace(0.0, extent, max(1, round(extent / size)) + 1) for extent in (width, height))
         mesh = structured_quadrilaterals(x, y, [Rectangle("domain", 0.0, width, 0.0, height)])
     elif kind == "triangles":

@@ -18,6 +18,7 @@ from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.base import RegionEnergy, medium_region, solid_region
 from tmc_vem.problems.materials import Material, Medium
 from tmc_vem.problems.probes import GAP, Gap, Probe
+from tmc_vem.support.environment import cells_allowed
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
 from tmc_vem.support.validation import check_fields, require_choice, require_finite, require_positive
@@ -75,7 +76,7 @@ class Box:
         for axis, count, extent in zip("xy", self.cells, (self.length, self.height), strict=True):
             self._check_resolution(axis, count, extent)
         cavity = (1.0 - 2.0 * self.wall / self.length) * (1.0 - 2.0 * self.wall / self.height)
-        check_refined(self.cells, cavity, self.medium_refinement)
+        check_refined(self.cells, cavity, self.medium_refinement, cells_allowed())
 
     def _check_resolution(self, axis: str, count: int, extent: float) -> None:
         in_wall = self.wall / extent * count

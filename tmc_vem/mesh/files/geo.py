@@ -11,9 +11,10 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from tmc_vem.mesh.cell_count import TRIANGLES, check_cells, most_cells
+from tmc_vem.mesh.cell_count import TRIANGLES, check_cells
 from tmc_vem.mesh.files import msh
 from tmc_vem.mesh.files.record import Reading, Record
+from tmc_vem.support.environment import cells_allowed
 from tmc_vem.support.errors import InputError
 
 SIZE_MIN = "Mesh.MeshSizeMin"
@@ -35,7 +36,7 @@ def read(path: Path, reading: Reading) -> Record:
     gmsh.logger.start()
     try:
         _open(gmsh, path)
-        _check_curves(gmsh)
+        _check_curves(gmsh, cells_allowed())
         gmsh.model.mesh.generate(2)
         with tempfile.TemporaryDirectory() as directory:
             written = Path(directory) / "model.msh"
@@ -84,14 +85,14 @@ def _open(gmsh: Any, path: Path) -> None:
         gmsh.open(str(copy))
 
 
-def _check_curves(gmsh: Any) -> None:
+def _check_curves(gmsh: Any, limit: float) -> None:
     """Estimate the cells from the nodes along the curves of each surface, before gmsh fills it.
 
     For this, no size is below the extent over the largest number of cells: a long curve of less has too many nodes.
     """
     low_x, low_y, _, high_x, high_y, _ = gmsh.model.getBoundingBox(-1, -1)
     smallest = gmsh.option.getNumber(SIZE_MIN)
-    gmsh.option.setNumber(SIZE_MIN, max(smallest, max(high_x - low_x, high_y - low_y) / most_cells()))
+    gmsh.option.setNumber(SIZE_MIN, max(smallest, max(high_x - low_x, high_y - low_y) / limit))
     gmsh.model.mesh.generate(1)
     gmsh.option.setNumber(SIZE_MIN, smallest)
     n_cells = 0.0
@@ -104,5 +105,5 @@ def _check_curves(gmsh: Any) -> None:
         lengths = [high_x - low_x, high_y - low_y]
         h = 2.0 * sum(lengths) / max(sum(edges), 1)  # the outline is as long as the box around it, at least
         n_cells += max(TRIANGLES * lengths[0] * lengths[1] / h**2 if h > 0.0 else 0.0, 0.5 * sum(edges))
-    check_cells(n_cells, "going by the nodes that it asks for along its curves; use larger sizes in it")
+    check_cells(n_cells, limit, "going by the nodes that it asks for along its curves; use larger sizes in it")
     gmsh.model.mesh.clear()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.mesh.cell_count import check_cells, most_cells
+from tmc_vem.mesh.cell_count import check_cells
 from tmc_vem.mesh.make.outline import Curve, Region, Size, evaluate_size
 
 Float = NDArray[np.float64]
@@ -28,32 +28,33 @@ class Estimate:
     at_least: bool = False
 
 
-def check_size(regions: Sequence[Region], size: Size, density: float) -> None:
+def check_size(regions: Sequence[Region], size: Size, density: float, limit: float) -> None:
     """Check that the cells of a size would not be too many.
 
     Args:
         regions: outlines.
         size: of cells, a number or a function of points (n, 2) whose slope is STEEPEST at most.
         density: cells in a square whose side is the size.
+        limit: how many there may be, see :func:`tmc_vem.support.environment.cells_allowed`.
 
     Raises:
         InputError: they would be, or the size is not positive.
     """
-    found = estimate(regions, size, density)
+    found = estimate(regions, size, density, limit)
     low, high = _bounds(regions)
     what = f"size {found.smallest:.3g} on a domain of {high[0] - low[0]:.4g} x {high[1] - low[1]:.4g}"
     if isinstance(size, (int, float)):
         hint = f"cells of {what}; use a larger size"
     else:
         hint = f"cells down to {what}; use larger sizes, or small cells in fewer and smaller places"
-    check_cells(found.n_cells, hint, at_least=found.at_least)
+    check_cells(found.n_cells, limit, hint, at_least=found.at_least)
 
 
-def estimate(regions: Sequence[Region], size: Size, density: float) -> Estimate:
+def estimate(regions: Sequence[Region], size: Size, density: float, limit: float) -> Estimate:
     """How many cells of a size regions have; see :func:`check_size`.
 
-    Where the size varies, the domain is cut into boxes until it hardly does within any. That ends at the largest number
-    of cells that is allowed, as every box that is still to be cut stands for one cell at least.
+    Where the size varies, the domain is cut into boxes until it hardly does within any. That ends at the limit, as
+    every box that is still to be cut stands for one cell at least.
     """
     import shapely
 
@@ -70,7 +71,7 @@ def estimate(regions: Sequence[Region], size: Size, density: float) -> Estimate:
     corners = np.stack(np.meshgrid(np.arange(_FIRST), np.arange(_FIRST)), axis=-1).reshape(-1, 2)
     centers = low + (corners + 0.5) * side
     quarters = np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]) / 4.0
-    total, smallest, limit, capped = 0.0, np.inf, most_cells(), False
+    total, smallest, capped = 0.0, np.inf, False
     while len(centers) and not capped:
         reach = 0.5 * float(np.hypot(*side))
         centers = centers[shapely.dwithin(domain, shapely.points(centers), reach)]

@@ -13,12 +13,13 @@ from tmc_vem.mesh.geometry import areas
 from tmc_vem.mesh.make.far import moved, origin_for
 from tmc_vem.mesh.make.traced import TracedOutline, trace_outline
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.support.environment import cells_allowed
 from tmc_vem.support.errors import InputError
 
 Int = NDArray[np.int64]
 
 
-def gmsh_triangles(mesh: PolygonMesh, size: float) -> PolygonMesh:
+def gmsh_triangles(mesh: PolygonMesh, size: float, most_cells: float | None = None) -> PolygonMesh:
     """Unstructured triangles of about one size in the outlines of another mesh's regions.
 
     Straight runs of the outlines become one line each, however finely the given mesh divides them; named points stay
@@ -27,6 +28,7 @@ def gmsh_triangles(mesh: PolygonMesh, size: float) -> PolygonMesh:
     Args:
         mesh: any mesh of the problem; a coarse one will do, as only its outlines matter.
         size: edge length to aim at.
+        most_cells: how many there may be; None for what the environment says, or a million.
 
     Raises:
         InputError: gmsh is missing, ``size`` is not positive or makes too many cells, or edges with a name lie inside a
@@ -41,10 +43,10 @@ def gmsh_triangles(mesh: PolygonMesh, size: float) -> PolygonMesh:
 
     origin = origin_for(mesh.points_vx)
     if origin is not None:
-        return moved(gmsh_triangles(moved(mesh, (-origin[0], -origin[1])), size), origin)
+        return moved(gmsh_triangles(moved(mesh, (-origin[0], -origin[1])), size, most_cells), origin)
     area = sum(float(areas(mesh.points_vx[loops]).sum()) for _, _, loops in mesh.cells_by_size())
     what = f"triangles of size {size:g} on an area of {area:.4g}"
-    check_cells(TRIANGLES * area / size / size, f"{what}; use a larger size")
+    check_cells(TRIANGLES * area / size / size, cells_allowed(most_cells), f"{what}; use a larger size")
     outline = trace_outline(mesh)
     gmsh.initialize([])
     try:

@@ -18,6 +18,7 @@ from tmc_vem.mesh.make.far import meshed_near_origin
 from tmc_vem.mesh.make.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.support.environment import cells_allowed
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.notes import say
 
@@ -28,8 +29,9 @@ FRONTAL_DELAUNAY = 6
 
 @meshed_near_origin
 def triangle_mesh(
-    regions: Sequence[Region], size: Size, points: Mapping[str, Point] | None = None, *, quadrilaterals: bool = False
-) -> PolygonMesh:
+    regions: Sequence[Region], size: Size, points: Mapping[str, Point] | None = None, *, quadrilaterals: bool = False,
+    most_cells: float | None = None,
+) -> PolygonMesh:  # fmt: skip
     """Triangles, or quadrilaterals where triangles recombine well, that have all interfaces as edges.
 
     Args:
@@ -37,12 +39,14 @@ def triangle_mesh(
         size: length of edges, a number or a function of points (n, 2).
         points: names for places on the outlines; each becomes a vertex.
         quadrilaterals: recombine triangles to quadrilaterals; few triangles may remain.
+        most_cells: how many there may be; None for what the environment says, or a million.
 
     Raises:
         InputError: outlines do not close, the size is not positive or makes too many cells, or gmsh refuses the
             geometry.
     """
-    check_size(regions, size, QUADRILATERALS if quadrilaterals else TRIANGLES)
+    density = QUADRILATERALS if quadrilaterals else TRIANGLES
+    check_size(regions, size, density, cells_allowed(most_cells))
     skeleton = make_skeleton(regions, size, points)
     import gmsh
 

@@ -24,6 +24,7 @@ from tmc_vem.mesh.make.far import meshed_near_origin
 from tmc_vem.mesh.make.narrow import narrow_place
 from tmc_vem.mesh.make.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.support.environment import cells_allowed
 from tmc_vem.support.errors import InputError
 
 Float = NDArray[np.float64]
@@ -59,6 +60,7 @@ def voronoi_mesh(
     relaxation: int = 10,
     shortest: float = 0.15,
     seed: int = 0,
+    most_cells: float | None = None,
 ) -> PolygonMesh:
     """Voronoi mesh of regions that may touch along straight or curved interfaces.
 
@@ -69,6 +71,7 @@ def voronoi_mesh(
         relaxation: steps of Lloyd's method, which moves sites to the centroids of their cells.
         shortest: edges shorter than this fraction of the local size are collapsed; interfaces keep their nodes.
         seed: of the random numbers that place the first sites; equal seeds give equal meshes.
+        most_cells: how many there may be; None for what the environment says, or a million.
 
     Returns:
         The mesh, with the regions' names in the order of their first use.
@@ -82,7 +85,7 @@ def voronoi_mesh(
     if not 0 <= relaxation <= 1000:
         raise InputError(f"relaxation = {relaxation}: use 0 to 1000 steps of Lloyd's method")
     _check_overlap(regions)
-    check_size(regions, size, POLYGONS)
+    check_size(regions, size, POLYGONS, cells_allowed(most_cells))
     skeleton = make_skeleton(regions, size, points)
     try:
         return _meshed(regions, size, skeleton, relaxation, shortest, seed)
