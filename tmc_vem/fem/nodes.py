@@ -14,6 +14,7 @@ from tmc_vem.mesh.geometry import areas
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import is_called
 from tmc_vem.system.fields import Polygons
+from tmc_vem.system.layout import DISPLACEMENT
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -60,27 +61,27 @@ class Nodes:
         here = mark.x.array
         if vertices:
             cells, corners = np.nonzero(np.isin(vertices_cv, vertices))
-            here[2 * self.cell_nodes_ca[cells, corners]] = 1.0
+            here[DISPLACEMENT.dof(self.cell_nodes_ca[cells, corners])] = 1.0
         if where in names.edges:
             wanted = {tuple(pair) for pair in names.edges[where].tolist()}
             for pair, inner in zip(compat.reference_edges(self._mesh.cell), self._edge_positions, strict=True):
                 ends = np.sort(vertices_cv[:, pair], axis=1).tolist()
                 cells = np.array([c for c, key in enumerate(ends) if tuple(key) in wanted], dtype=np.int64)
                 along = np.concatenate([pair, inner])
-                here[2 * self.cell_nodes_ca[cells][:, along].ravel()] = 1.0
+                here[DISPLACEMENT.dof(self.cell_nodes_ca[cells][:, along].ravel())] = 1.0
         # the owner of an end vertex may not have the edge itself
         compat.scatter_reverse(mark)
-        nodes: Int = np.flatnonzero(mark.x.array[: 2 * self.n_owned : 2] > 0.0)
+        nodes: Int = np.flatnonzero(DISPLACEMENT.nodal(mark.x.array)[: self.n_owned, 0] > 0.0)
         return nodes
 
     def sum_over_cells(self, values_cai: Float) -> Float:
         """Sum of element vectors (n_owned_cells, n_basis, 2) at the owned nodes (n_owned, 2), over all ranks."""
         nodes = self.cell_nodes_ca[: len(values_cai)]
-        dofs = (2 * nodes[..., None] + np.arange(2)).ravel()
+        dofs = DISPLACEMENT.dofs(nodes).ravel()
         total = self.function()
-        total.x.array[:] = np.bincount(dofs, weights=values_cai.ravel(), minlength=2 * self.n_local)
+        total.x.array[:] = np.bincount(dofs, weights=values_cai.ravel(), minlength=DISPLACEMENT.size(self.n_local))
         compat.scatter_reverse(total)
-        owned: Float = np.array(total.x.array[: 2 * self.n_owned]).reshape(-1, 2)
+        owned: Float = DISPLACEMENT.nodal(total.x.array)[: self.n_owned].copy()
         return owned
 
     def polygons(self) -> Polygons:

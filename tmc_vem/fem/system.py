@@ -30,6 +30,7 @@ from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.fields import Polygons
+from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
 from tmc_vem.system.reduction import Shares, at_named_points, reaction, step_limit
 
@@ -93,7 +94,7 @@ class FemSystem:
 
     def create_vector(self) -> Vec:
         """A new global displacement vector, zero."""
-        vector: Vec = PETSc.Vec().createMPI((2 * self.nodes.n_owned, PETSc.DECIDE), comm=self.comm)
+        vector: Vec = PETSc.Vec().createMPI((DISPLACEMENT.size(self.nodes.n_owned), PETSc.DECIDE), comm=self.comm)
         vector.set(0.0)
         return vector
 
@@ -132,7 +133,7 @@ class FemSystem:
         """Full gradient of the potential into ``out``; its constrained entries are the reactions."""
         u_nodes = self._local_values(u)
         compat.assemble_vector(self._gradient, self._residual_form)
-        gradient = self._gradient.x.array[: 2 * self.nodes.n_owned]
+        gradient = self._gradient.x.array[: DISPLACEMENT.size(self.nodes.n_owned)]
         out.getArray()[:] = gradient if self._load_nodes is None else gradient - self._load_nodes.ravel()
         return self._evaluation(u_nodes)
 
@@ -160,7 +161,7 @@ class FemSystem:
 
     def point_displacements(self, u: Vec, names: Sequence[str]) -> Float:
         """Displacements (n, 2) of named points, equal on all ranks."""
-        owned = u.getArray(readonly=True).reshape(-1, 2)
+        owned = DISPLACEMENT.nodal(u.getArray(readonly=True))
         mine = {name: owned[node].copy() for name in names for node in self.nodes.named(name).tolist()}
         return at_named_points(self.comm, names, mine)
 
@@ -173,7 +174,7 @@ class FemSystem:
     @property
     def n_dofs(self) -> int:
         """Degrees of freedom of the whole system, constrained ones included."""
-        return 2 * self.nodes.n_global
+        return DISPLACEMENT.size(self.nodes.n_global)
 
     @property
     def n_cells_global(self) -> int:
@@ -277,10 +278,9 @@ class FemSystem:
     def _local_values(self, u: Vec) -> Float:
         """Write ``u`` into the forms' function; values (n_nodes, 2) of this rank's nodes, ghosts included."""
         array = self._state.x.array
-        array[: 2 * self.nodes.n_owned] = u.getArray(readonly=True)
+        array[: DISPLACEMENT.size(self.nodes.n_owned)] = u.getArray(readonly=True)
         self._state.x.scatter_forward()
-        values: Float = np.array(array).reshape(-1, 2)
-        return values
+        return DISPLACEMENT.nodal(np.array(array))
 
     def _first_gradient(self, u_nodes: Float) -> Float:
         return self.points.first_gradient(u_nodes[self.nodes.cell_nodes_ca[: self.mesh.n_owned]])

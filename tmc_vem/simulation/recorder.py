@@ -38,6 +38,7 @@ from tmc_vem.support.timing import Timer
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.fields import Fields
+from tmc_vem.system.layout import DISPLACEMENT
 
 Float = NDArray[np.float64]
 
@@ -281,7 +282,7 @@ class Recorder:
         """Resultant of all reactions, relative to the largest of them: 0 in equilibrium."""
         values = residual.getArray(readonly=True)
         held = self.system.constrained()
-        parts = self.system.comm.allgather((held % 2, values[held]))
+        parts = self.system.comm.allgather((DISPLACEMENT.component(held), values[held]))
         component = np.concatenate([part[0] for part in parts])
         reaction = np.concatenate([part[1] for part in parts])
         largest = float(np.abs(reaction).max(initial=0.0))
@@ -350,8 +351,7 @@ def _reported(directory: Path) -> Iterator[None]:
 
 
 def _nodal(vector: Vec) -> Float:
-    values: Float = vector.getArray(readonly=True).reshape(-1, 2).copy()
-    return values
+    return DISPLACEMENT.nodal(vector.getArray(readonly=True)).copy()
 
 
 def _same_inputs(before: Mapping[str, Any], now: Mapping[str, Any]) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.system.control import Control
+from tmc_vem.system.layout import DISPLACEMENT
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -17,7 +18,7 @@ Int = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Constrained:
-    """Degrees of freedom, ``2 node + component``, whose displacements are prescribed.
+    """Degrees of freedom whose displacements are prescribed.
 
     Attributes:
         prescribed: the conditions.
@@ -40,15 +41,15 @@ class Constrained:
         numbers: dict[int, int] = {}
         for number, condition in enumerate(prescribed):
             for node in nodes_of(condition.where).tolist():
-                numbers[2 * node + condition.component] = number
+                numbers[int(DISPLACEMENT.dof(node, condition.component))] = number
         dofs = np.array(sorted(numbers), dtype=np.int64)
         return Constrained(tuple(prescribed), dofs, np.array([numbers[dof] for dof in dofs.tolist()], dtype=np.int64))
 
     def renumbered(self, number_n: Int) -> Constrained:
         """The same at nodes that have other numbers (n_nodes,), without those whose number is negative."""
-        nodes = number_n[self.dofs // 2]
+        nodes = number_n[DISPLACEMENT.node(self.dofs)]
         kept = nodes >= 0
-        dofs: Int = 2 * nodes[kept] + self.dofs[kept] % 2
+        dofs = DISPLACEMENT.dof(nodes[kept], DISPLACEMENT.component(self.dofs[kept]))
         return Constrained(self.prescribed, dofs, self.condition_d[kept])
 
     def at(self, position: Control) -> Float:

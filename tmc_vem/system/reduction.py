@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tmc_vem.support.distributed import Comm, Vec
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.discretisation import Evaluation, RegionValues
+from tmc_vem.system.layout import DISPLACEMENT
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -81,7 +82,7 @@ def step_limit(comm: Comm, steps: Iterable[float]) -> float:
 
 def reaction(comm: Comm, residual: Vec, nodes: Int, component: int) -> float:
     """Sum over all ranks of a residual's component at nodes, numbered as in this rank's part of the vector."""
-    array = residual.getArray(readonly=True).reshape(-1, 2)
+    array = DISPLACEMENT.nodal(residual.getArray(readonly=True))
     return float(comm.allreduce(float(array[nodes, component].sum())))
 
 

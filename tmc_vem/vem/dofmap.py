@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from tmc_vem.mesh.spread.distribute import DistributedMesh
+from tmc_vem.system.layout import DISPLACEMENT
 
 Int = NDArray[np.int64]
 
@@ -58,7 +59,7 @@ class DofMap:
         for points, nodes in parts:
             nodes_p[points - first] = nodes
             for point in points.tolist():
-                section.setDof(point, 2 * nodes)
+                section.setDof(point, DISPLACEMENT.size(nodes))
         section.setUp()
         dm.setSection(section)
         start_p = np.cumsum(nodes_p) - nodes_p  # a section numbers its points in the order of the chart
@@ -66,7 +67,7 @@ class DofMap:
         probe = dm.createGlobalVec()
         n_global = probe.getSize()
         probe.destroy()
-        return DofMap(dm, vertices[:, 0], edges, cells, order, section.getStorageSize() // 2, n_global)
+        return DofMap(dm, vertices[:, 0], edges, cells, order, DISPLACEMENT.n_nodes(section.getStorageSize()), n_global)
 
     @cached_property
     def owned_range(self) -> tuple[int, int]:
@@ -80,9 +81,11 @@ class DofMap:
     def owned_node_n(self) -> Int:
         """(n_nodes,) place of each local node in this rank's part of a global vector, -1 if another rank owns it."""
         first, last = self.owned_range
-        numbers = self.dm.getLGMap().apply((2 * np.arange(self.n_nodes)).astype(PETSc.IntType)).astype(np.int64)
+        numbers = (
+            self.dm.getLGMap().apply(DISPLACEMENT.dof(np.arange(self.n_nodes)).astype(PETSc.IntType)).astype(np.int64)
+        )
         owned = (numbers >= first) & (numbers < last)
-        places: Int = np.where(owned, (numbers - first) // 2, -1)
+        places: Int = np.where(owned, DISPLACEMENT.node(numbers - first), -1)
         return places
 
     def cell_nodes(self, distributed: DistributedMesh, cells: Int, n_sides: int) -> NDArray[np.int32]:

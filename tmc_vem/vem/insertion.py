@@ -18,6 +18,7 @@ from petsc4py import PETSc
 
 from tmc_vem.support.distributed import Mat
 from tmc_vem.support.petsc_arrays import compressed_rows, in_place
+from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.vem.blocks import CHUNK, Block
 from tmc_vem.vem.kernel.batch import CellBatch, Tangents
 
@@ -48,11 +49,11 @@ class MatrixInsertion:
     """
 
     def __init__(self, blocks: Sequence[Block], matrix: Mat, lgmap: Any, is_constrained: NDArray[np.bool_]) -> None:
-        n_nodes = len(is_constrained) // 2
+        n_nodes = DISPLACEMENT.n_nodes(len(is_constrained))
         first, last = matrix.getOwnershipRange()
-        numbers = lgmap.apply(np.arange(0, 2 * n_nodes, 2, dtype=PETSc.IntType)).astype(np.int64)
+        numbers = lgmap.apply(DISPLACEMENT.dof(np.arange(n_nodes)).astype(PETSc.IntType)).astype(np.int64)
         owned = (numbers >= first) & (numbers < last)
-        free = owned & ~is_constrained.reshape(-1, 2).any(axis=1)
+        free = owned & ~DISPLACEMENT.nodal(is_constrained).any(axis=1)
         self._column_n = np.where(owned, numbers - first, -1).astype(np.int32)
         structure = _structure(matrix)
         self._row_length_n = np.zeros(n_nodes, dtype=np.int32)
@@ -73,7 +74,7 @@ class MatrixInsertion:
             positions = None
             if structure is not None and direct.n_cells:
                 positions = block.kernel.positions(direct, start_n, self._row_length_n, self._column_n, structure[1])
-            dofs = (2 * others.nodes_ca[..., None] + np.arange(2)).reshape(others.n_cells, 2 * others.n_basis)
+            dofs = DISPLACEMENT.dofs(others.nodes_ca).reshape(others.n_cells, DISPLACEMENT.size(others.n_basis))
             dofs = np.where(is_constrained[dofs], -1, dofs).astype(PETSc.IntType)
             self._parts.append(_Part(block, direct, positions, others, dofs))
 
@@ -113,7 +114,7 @@ class MatrixInsertion:
             matrix.stateIncrease()
 
     def _insert(self, part: _Part, u_ni: Float, matrix: Mat) -> None:
-        n = 2 * part.others.n_basis
+        n = DISPLACEMENT.size(part.others.n_basis)
         for first in range(0, part.others.n_cells, CHUNK):
             chunk = part.others.take(slice(first, first + CHUNK))
             dense = np.empty((chunk.n_cells, n, n))

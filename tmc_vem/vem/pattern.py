@@ -14,20 +14,21 @@ from petsc4py import PETSc
 from scipy import sparse
 
 from tmc_vem.support.distributed import Mat
+from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.vem.blocks import Block
 
 
 def serial_matrix(blocks: Sequence[Block], dm: Any, n_nodes: int) -> Mat:
     """Sequential AIJ matrix, zero, with an entry for every two degrees of freedom of a cell."""
     starts, columns = node_pattern(blocks, n_nodes)
-    size = 2 * n_nodes
+    size, block = DISPLACEMENT.size(n_nodes), DISPLACEMENT.components
     # only the pattern is expanded, with one byte for a value; PETSc takes the arrays as they are
-    pairs = np.ones((len(columns), 2, 2), dtype=bool)
+    pairs = np.ones((len(columns), block, block), dtype=bool)
     expanded = sparse.bsr_matrix((pairs, columns, starts), shape=(size, size)).tocsr()
     indptr, indices = (a.astype(PETSc.IntType, copy=False) for a in (expanded.indptr, expanded.indices))
     csr = (indptr, indices, np.zeros(len(indices)))
     matrix: Mat = PETSc.Mat().createAIJWithArrays((size, size), csr, comm=PETSc.COMM_SELF)
-    matrix.setBlockSize(2)
+    matrix.setBlockSize(block)
     lgmap = dm.getLGMap()
     matrix.setLGMap(lgmap, lgmap)
     matrix.setDM(dm)

@@ -24,6 +24,7 @@ from tmc_vem.system.constraints import Prescribed, is_called
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Polygons
+from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
 from tmc_vem.system.reduction import Shares, at_named_points, reaction, step_limit
 from tmc_vem.vem.blocks import CHUNK, RegionKernel, make_blocks
@@ -131,7 +132,7 @@ class VemSystem:
     def residual(self, u: Vec, out: Vec) -> Evaluation:
         """Full gradient of the potential into ``out``; its constrained entries are the reactions."""
         u_nodes = self._local_values(u)
-        total = self._work.getArray().reshape(-1, 2)
+        total = DISPLACEMENT.nodal(self._work.getArray())
         total[:] = 0.0 if self._load_nodes is None else -self._load_nodes
         values = self._together(lambda: self._evaluate(u_nodes, total))
         self._add_work(out)
@@ -161,13 +162,13 @@ class VemSystem:
     def _add_products(self, u_nodes: Float, du_nodes: Float, total: Float) -> None:
         moves = du_nodes.any(axis=1)
         for block in self.blocks:
-            moving, n = np.flatnonzero(moves[block.batch.nodes_ca].any(axis=1)), 2 * block.batch.n_basis
+            moving, n = np.flatnonzero(moves[block.batch.nodes_ca].any(axis=1)), DISPLACEMENT.size(block.batch.n_basis)
             for first in range(0, len(moving), CHUNK):
                 batch = block.batch.take(moving[first : first + CHUNK])
                 dense = np.empty((batch.n_cells, n, n))
                 block.kernel.cells(batch, u_nodes, block.parameters, None, Tangents(dense))
                 products = dense @ du_nodes[batch.nodes_ca].reshape(-1, n, 1)
-                np.add.at(total, batch.nodes_ca, products.reshape(-1, n // 2, 2))
+                np.add.at(total, batch.nodes_ca, products.reshape(*batch.nodes_ca.shape, DISPLACEMENT.components))
 
     def max_step(self, u: Vec, du: Vec) -> float:
         """Largest s with J > 0 at every quadrature point along u + t du, t < s."""
@@ -336,13 +337,13 @@ class VemSystem:
     def _owned_constrained(self) -> Int:
         """Local numbers of the constrained degrees of freedom that this rank owns."""
         dofs = self._constrained_local.dofs
-        owned: Int = dofs[self.dofmap.owned_node_n[dofs // 2] >= 0]
+        owned: Int = dofs[self.dofmap.owned_node_n[DISPLACEMENT.node(dofs)] >= 0]
         return owned
 
     def _insertion_into(self, matrix: Mat) -> MatrixInsertion:
         """Where the tangents go: the same for all matrices of :meth:`create_matrix`, looked up in the first one."""
         if self._insertion is None:
-            is_constrained = np.zeros(2 * self.dofmap.n_nodes, dtype=bool)
+            is_constrained = np.zeros(DISPLACEMENT.size(self.dofmap.n_nodes), dtype=bool)
             is_constrained[self._constrained_local.dofs] = True
             self._insertion = MatrixInsertion(self.blocks, matrix, self.dofmap.dm.getLGMap(), is_constrained)
             give_back()
@@ -398,8 +399,7 @@ class VemSystem:
 
     def _local_values(self, u: Vec) -> Float:
         self.dofmap.dm.globalToLocal(u, self._local)
-        array: Float = self._local.getArray().reshape(-1, 2)
-        return array
+        return DISPLACEMENT.nodal(self._local.getArray())
 
     def _add(self, total: Float, out: Vec) -> None:
         """Sum the ranks' contributions to shared nodes into a global vector."""
