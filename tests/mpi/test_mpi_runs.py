@@ -123,7 +123,7 @@ def test_an_error_that_one_rank_keeps_to_itself_ends_all() -> None:
     lonely = """
 import sys
 from mpi4py import MPI
-from tmc_vem import parallel
+from tmc_vem.support import parallel
 from tmc_vem.cli import main
 from tmc_vem.support.errors import InputError
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers_mesh import grid
+from helpers_process import process
 from helpers_system import make_system, region
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -196,3 +197,20 @@ def test_rigid_motions_of_a_free_body_are_not_negative_whatever_rounding_says(pr
     assert not solver.solve(rhs, out)
     assert solver.negative_pivots() == 0
     assert "something can move freely" in solver.complaint()
+
+
+def test_a_solver_that_lives_as_long_as_its_process_does_not_crash_it() -> None:
+    """PETSc is finalised after Python: a preconditioner written in Python has to be gone by then."""
+    code = (
+        "from petsc4py import PETSc\n"
+        "from tmc_vem.solve.linear import LinearSolver\n"
+        "matrix = PETSc.Mat().createAIJ([2, 2], nnz=2, comm=PETSc.COMM_SELF)\n"
+        "for i in (0, 1): matrix.setValue(i, i, 2.0)\n"
+        "matrix.assemble()\n"
+        "rhs, out = matrix.createVecs()\n"
+        "rhs.set(1.0)\n"
+        "solver = LinearSolver(matrix, PETSc.COMM_SELF, 'reproducible')\n"
+        "assert solver.solve(rhs, out)\n"
+    )
+    done = process(["-c", code], timeout=60)
+    assert done.returncode == 0, done.stderr

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import shlex
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -77,6 +78,9 @@ class LinearSolver:
         self._factor: FactorState | None = None  # of the last factorisation, where nothing but it solves
         self._solves = True  # whether what came out fulfils the equations
         self.ksp: Ksp = PETSc.KSP().create(comm)
+        # at the latest while Python is still there: PETSc is finalised after it, and a preconditioner in Python is not
+        # to be called then
+        weakref.finalize(self, self.ksp.destroy)
         self.ksp.setOptionsPrefix(PREFIX)
         self.ksp.setOperators(matrix)
         with self._in_database():
