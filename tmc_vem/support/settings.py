@@ -71,4 +71,4 @@ def described(cls: type[T]) -> type[T]:
 
 def _literal(text: str) -> str:
     """A text in which words that end with an underscore are no links to reStructuredText."""
-    return re.sub(r"\b(\w+_)(?!\w)", r"``\1``", text)
+    return re.sub(r"\b(\w+_)(?=[\s.,;:)]|$)", r"``\1``", text)
