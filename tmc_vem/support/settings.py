@@ -7,6 +7,7 @@ are made from there.
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import Field, dataclass
 from typing import Any, TypeVar
@@ -63,6 +64,11 @@ def about_of(field: Field[Any]) -> About | None:
 def described(cls: type[T]) -> type[T]:
     """Class decorator of a dataclass: its docstring gets the section ``Attributes`` from its settings."""
     told = [(field.name, about_of(field)) for field in dataclasses.fields(cls)]  # type: ignore[arg-type]
-    lines = [f"    {name}: {said.whole()}" for name, said in told if said is not None]
+    lines = [f"    {name}: {_literal(said.whole())}" for name, said in told if said is not None]
     cls.__doc__ = "\n".join([(cls.__doc__ or "").rstrip(), "", "Attributes:", *lines, ""])
     return cls
+
+
+def _literal(text: str) -> str:
+    """A text in which words that end with an underscore are no links to reStructuredText."""
+    return re.sub(r"\b(\w+_)(?=[\s.,;:)]|$)", r"``\1``", text)
