@@ -6,6 +6,7 @@ Options that are in PETSc's database already (from ``--petsc`` or ``PETSC_OPTION
 
 from __future__ import annotations
 
+import atexit
 import math
 import shlex
 import weakref
@@ -28,6 +29,18 @@ BAD_OPTION = (56, 60, 62, 63, 86, 92)
 INCONSISTENT = 1e-3
 CONTRADICTION = "the tangent is singular up to rounding: something can move freely"
 _PRESETS = Path(__file__).parent / "presets"
+PETSC_PYTHON = "python"
+# Solvers with a preconditioner in Python. PETSc is finalised after Python and would still call it: they are destroyed
+# when Python ends. Not before by us: ranks collect garbage at times of their own, and to destroy is collective.
+_in_python: list[weakref.ref[LinearSolver]] = []
+
+
+@atexit.register
+def _destroy_in_python() -> None:
+    for reference in _in_python:
+        solver = reference()
+        if solver is not None:
+            solver.ksp.destroy()
 
 
 def preset_names() -> list[str]:
@@ -78,9 +91,6 @@ class LinearSolver:
         self._factor: FactorState | None = None  # of the last factorisation, where nothing but it solves
         self._solves = True  # whether what came out fulfils the equations
         self.ksp: Ksp = PETSc.KSP().create(comm)
-        # at the latest while Python is still there: PETSc is finalised after it, and a preconditioner in Python is not
-        # to be called then
-        weakref.finalize(self, self.ksp.destroy)
         self.ksp.setOptionsPrefix(PREFIX)
         self.ksp.setOperators(matrix)
         with self._in_database():
@@ -91,6 +101,8 @@ class LinearSolver:
                     "--solver direct, or a file of PETSc options with another preconditioner"
                 )
             self.ksp.setFromOptions()
+        if self.ksp.getPC().getType() == PETSC_PYTHON:
+            _in_python.append(weakref.ref(self))
 
     def solve(self, rhs: Vec, out: Vec) -> bool:
         """Solve with the matrix's present values; whether it worked."""
