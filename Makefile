@@ -4,10 +4,11 @@ PYTHON := .venv/bin/python
 export OMP_NUM_THREADS := 1
 # processes that share the test files; the tests under mpirun start more
 WORKERS ?= 2
-# Open MPI refuses root and more ranks than cores unless told otherwise; the tests do both.
+# Open MPI refuses root and more ranks than cores unless told otherwise, and ranks that wait take a core; the tests do all.
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMPI_MCA_rmaps_base_oversubscribe := 1
+export OMPI_MCA_mpi_yield_when_idle := 1
 export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 
 .PHONY: demo test test-slow test-paper test-trixie lint format bench bench-page golden docs pictures linkcheck setup clean

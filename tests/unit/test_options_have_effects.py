@@ -16,6 +16,7 @@ from petsc4py import PETSc
 
 from tmc_vem import Box, Medium, RunOptions, RunResult, run
 from tmc_vem.cli import run as commands
+from tmc_vem.cli import run_file
 from tmc_vem.mesh.geometry import areas
 from tmc_vem.problems import Bodies, CBox, Material, Problem, Punch
 from tmc_vem.problems.base import medium_region
@@ -99,11 +100,12 @@ BENDING = "def bending(F, G, p, m):\n    return p.kappa * G[0][1][1] ** 2 / 2\n"
 def asked(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> dict[str, Any]:
     """What ``tmc-vem run`` with these arguments would execute."""
     kept: dict[str, Any] = {}
-    monkeypatch.setattr(
-        commands, "execute", lambda problem, settings, options: kept.update(
-            problem=problem, settings=settings, options=SimpleNamespace(**options)
-        ),
-    )  # fmt: skip
+
+    def keep(problem: Any, settings: Any, options: Mapping[str, Any]) -> None:
+        kept.update(problem=problem, settings=settings, options=SimpleNamespace(**options))
+
+    for module in (commands, run_file):
+        monkeypatch.setattr(module, "execute", keep)
     commands.run_group.main(list(arguments), standalone_mode=False)
     return kept
 

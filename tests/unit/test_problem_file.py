@@ -325,7 +325,7 @@ def test_the_table_says_what_is_medium_not_the_name(tmp_path: Path) -> None:
     del content["media"]
     (tmp_path / "run/result.json").write_text(json.dumps(content))
     old = RunResult.read(tmp_path / "run")
-    assert old.media is None
+    assert old.media == ["medium_plug"]
     assert (read_fields(old, snapshots(old)[-1]).polygons.is_solid_c == (names != "medium_plug")).all()
 
 
