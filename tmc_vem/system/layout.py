@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 Int = NDArray[np.int64]
 Integers = NDArray[np.integer[Any]]
-Value = TypeVar("Value", bound=np.generic)
+T = TypeVar("T", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class NodeLayout:
         components: Int = np.asarray(dofs) % self.components
         return components
 
-    def nodal(self, values: NDArray[Value]) -> NDArray[Value]:
+    def nodal(self, values: NDArray[T]) -> NDArray[T]:
         """Values (n_nodes, components), a view, of a vector's (n_dofs,)."""
         return values.reshape(-1, self.components)
 
