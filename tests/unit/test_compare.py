@@ -311,6 +311,7 @@ def test_reproducing_a_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
         reproduce(["fig6"], tmp_path, command="")
 
 
+@pytest.mark.slow
 def test_table2_from_the_command_line(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
     done = tmc("reproduce", "table2", "--quick", "--out", "out", cwd=tmp_path)
