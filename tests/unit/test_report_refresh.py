@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 
 import pytest
@@ -45,3 +47,12 @@ def test_documents_have_their_blocks_filled(name: str, blocks: list[str]) -> Non
     assert block_names(document) == blocks
     for part in document.split("<!-- numbers: ")[1:]:
         assert "|---|" in part.split("<!-- end of numbers -->")[0]
+
+
+@pytest.mark.parametrize("name", ["refresh-numbers", "make-pictures"])
+def test_the_scripts_find_what_they_import(name: str) -> None:
+    """Neither mypy nor another test looks at them, and what they do takes long."""
+    spec = spec_from_loader("script", SourceFileLoader("script", str(ROOT / "scripts" / name)))
+    assert spec is not None
+    assert spec.loader is not None
+    spec.loader.exec_module(module_from_spec(spec))
