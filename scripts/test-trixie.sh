@@ -16,6 +16,7 @@ if [ "$(id -u)" -ne 0 ]; then
   exit 2
 fi
 started=$(date +%s)
+commit=$(git describe --always --dirty)
 if [ ! -x "$chroot_dir/usr/bin/apt-get" ]; then
   command -v debootstrap >/dev/null || { apt-get update -q && apt-get install -qy --no-install-recommends debootstrap; }
   debootstrap --variant=minbase trixie "$chroot_dir" ${mirror:+"$mirror"}
@@ -57,6 +58,6 @@ inside "scripts/setup.sh --test"
 inside '.venv/bin/python -c "import dolfinx; print(\"dolfinx\", dolfinx.__version__)"; for c in gcc-13 gcc-14 clang; do $c --version | head -n 1; done'
 status=0
 inside "make --keep-going $targets" || status=$?
-echo "test-trixie: $targets on Debian $(cat "$chroot_dir/etc/debian_version"), commit $(git describe --always --dirty):" \
+echo "test-trixie: $targets on Debian $(cat "$chroot_dir/etc/debian_version"), commit $commit:" \
   "exit status $status after $((($(date +%s) - started) / 60)) minutes"
 exit "$status"
