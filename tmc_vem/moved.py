@@ -10,6 +10,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
 
+PREFIX = "tmc_vem."
 # what documentation and demos have named
 MOVED = {
     "batch": "study.batch",
@@ -60,8 +61,9 @@ class Finder:
 
     @staticmethod
     def find_spec(name: str, path: Sequence[str] | None = None, target: ModuleType | None = None) -> ModuleSpec | None:
-        """How to import a module by its old name; None for all others."""
-        return ModuleSpec(name, Finder) if name.removeprefix("tmc_vem.") in MOVED else None  # type: ignore[arg-type]
+        """How to import a module of ours by its old name; None for all others, such as a package called ``units``."""
+        is_moved = name.startswith(PREFIX) and name.removeprefix(PREFIX) in MOVED
+        return ModuleSpec(name, Finder) if is_moved else None  # type: ignore[arg-type]
 
     @staticmethod
     def create_module(spec: ModuleSpec) -> ModuleType | None:
@@ -71,7 +73,7 @@ class Finder:
     def exec_module(module: ModuleType) -> None:
         """Forward all names."""
         old = module.__name__
-        new = f"tmc_vem.{MOVED[old.removeprefix('tmc_vem.')]}"
+        new = PREFIX + MOVED[old.removeprefix(PREFIX)]
         warnings.warn(f"{old} is now {new}", DeprecationWarning, stacklevel=2)
 
         def forward(name: str) -> Any:

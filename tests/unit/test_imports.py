@@ -50,3 +50,11 @@ def test_names_of_old_modules_that_are_packages_now() -> None:
         importlib.import_module("tmc_vem.mesh.no_name")
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         importlib.import_module("tmc_vem.results").nothing  # noqa: B018
+
+
+@pytest.mark.parametrize("name", ["units", "fields", "compare"])
+def test_modules_of_others_are_not_taken_for_moved_ones(name: str) -> None:
+    """Who asks for a package of that name, which may be missing, has to hear that it is."""
+    assert name in MOVED
+    code = f"import tmc_vem, importlib.util, sys; sys.exit(importlib.util.find_spec('{name}') is not None)"
+    assert subprocess.run([sys.executable, "-P", "-c", code], check=False).returncode == 0
