@@ -5,10 +5,10 @@ Importing this package loads nothing heavy; the names below import what they nee
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tmc_vem.moved import install as _find_moved_modules
+from tmc_vem.support.lazy import lazily
 from tmc_vem.support.version import VERSION as __version__
 
 if TYPE_CHECKING:
@@ -17,24 +17,18 @@ if TYPE_CHECKING:
     from tmc_vem.simulation.options import RunOptions
     from tmc_vem.simulation.simulation import Simulation, prepare, run
 
-_LAZY = {
-    "Box": "tmc_vem.problems",
-    "Material": "tmc_vem.problems",
-    "Medium": "tmc_vem.problems",
-    "RunOptions": "tmc_vem.simulation.options",
-    "RunResult": "tmc_vem.results.run_result",
-    "Simulation": "tmc_vem.simulation.simulation",
-    "prepare": "tmc_vem.simulation.simulation",
-    "run": "tmc_vem.simulation.simulation",
+_MODULES = {
+    "Box": "problems",
+    "Material": "problems",
+    "Medium": "problems",
+    "RunOptions": "simulation.options",
+    "RunResult": "results.run_result",
+    "Simulation": "simulation.simulation",
+    "prepare": "simulation.simulation",
+    "run": "simulation.simulation",
 }
 
 __all__ = ["Box", "Material", "Medium", "RunOptions", "RunResult", "Simulation", "__version__", "prepare", "run"]
 
-
+__getattr__ = lazily(__name__, _MODULES)
 _find_moved_modules()
-
-
-def __getattr__(name: str) -> Any:
-    if name in _LAZY:
-        return getattr(import_module(_LAZY[name]), name)
-    raise AttributeError(f"module 'tmc_vem' has no attribute '{name}'")

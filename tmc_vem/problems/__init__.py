@@ -5,8 +5,9 @@ The names below import what they need when they are first used.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from tmc_vem.support.lazy import lazily
 
 if TYPE_CHECKING:
     from tmc_vem.problems.base import Problem, RegionEnergy
@@ -29,8 +30,4 @@ _MODULES = {
     "RegionEnergy": "base",
 }
 
-
-def __getattr__(name: str) -> Any:
-    if name in _MODULES:
-        return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
-    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+__getattr__ = lazily(__name__, _MODULES)

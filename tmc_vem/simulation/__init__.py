@@ -6,8 +6,9 @@ take its place.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from tmc_vem.support.lazy import lazily
 
 if TYPE_CHECKING:
     from tmc_vem.simulation.discretised import compile_region, discretise, require_finite_start
@@ -30,15 +31,17 @@ __all__ = [
 ]
 
 _MODULES = {
-    "discretised": ("compile_region", "discretise", "require_finite_start"),
-    "options": ("METHODS", "RunOptions"),
-    "plan": ("control_path", "order_of", "run_inputs"),
-    "simulation": ("Simulation", "prepare", "run"),
+    "METHODS": "options",
+    "RunOptions": "options",
+    "Simulation": "simulation",
+    "compile_region": "discretised",
+    "control_path": "plan",
+    "discretise": "discretised",
+    "order_of": "plan",
+    "prepare": "simulation",
+    "require_finite_start": "discretised",
+    "run": "simulation",
+    "run_inputs": "plan",
 }
 
-
-def __getattr__(name: str) -> Any:
-    for module, names in _MODULES.items():
-        if name in names:
-            return getattr(import_module(f"{__name__}.{module}"), name)
-    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+__getattr__ = lazily(__name__, _MODULES)
