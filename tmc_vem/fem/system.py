@@ -32,7 +32,7 @@ from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
-from tmc_vem.system.reduction import Shares, at_named_points, reaction, step_limit
+from tmc_vem.system.reduction import Shares, at_named_points, in_order, reaction, step_limit
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -191,11 +191,7 @@ class FemSystem:
 
     def point_coordinates(self, names: Sequence[str]) -> Float:
         """Reference coordinates (n, 2) of named points."""
-        known = self.mesh.names.coordinates
-        unknown = [name for name in names if name not in known]
-        if unknown:
-            raise InputError(f"the mesh has no named point '{unknown[0]}'")
-        return np.array([known[name] for name in names]).reshape(-1, 2)
+        return in_order(names, self.mesh.names.coordinates)
 
     def nodal_values(self, u: Vec) -> Float:
         """Values (n_nodes, 2) of this rank's nodes, ghosts included."""

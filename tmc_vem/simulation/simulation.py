@@ -21,7 +21,7 @@ from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.plan import control_path, order_of, run_inputs, snapshot_times
 from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError, TmcError
-from tmc_vem.support.parallel import on_root
+from tmc_vem.support.parallel import from_root, on_root
 from tmc_vem.support.timing import Timer
 from tmc_vem.system.discretisation import Discretisation
 
@@ -111,7 +111,7 @@ def prepare(
     directory: RunDirectory | None = None
     with timer("set-up"):
         if out is not None:
-            directory = comm.bcast(on_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume)))
+            directory = from_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume))
         hints: list[str] = []
         loads = (*options.path, *options.output_loads)
         system = discretise(problem, options, comm, lambda mesh: hints.extend(examine(problem, mesh, loads)))
@@ -120,7 +120,7 @@ def prepare(
         gauge = Gauge(problem, system)
         watch = OverlapWatch(
             system, media_of(problem), order_of(options), tolerated=options.allow_overlap,
-            cause=lambda place: comm.bcast(on_root(comm, lambda: known_cause(problem, place, loads))),
+            cause=lambda place: from_root(comm, lambda: known_cause(problem, place, loads)),
         )  # fmt: skip
         solver = NewtonSolver(system, timer=timer, solver=options.solver, admission=watch)
         recorder = Recorder(

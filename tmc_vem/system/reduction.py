@@ -92,7 +92,15 @@ def at_named_points(comm: Comm, names: Sequence[str], mine: Mapping[str, Float])
     Raises:
         InputError: no rank has a point of that name.
     """
-    found = {name: value for part in comm.allgather(dict(mine)) for name, value in part.items()}
+    return in_order(names, {name: value for part in comm.allgather(dict(mine)) for name, value in part.items()})
+
+
+def in_order(names: Sequence[str], found: Mapping[str, Float]) -> Float:
+    """Values (n, 2) at named points, of a mapping that every rank has.
+
+    Raises:
+        InputError: it lacks a point.
+    """
     unknown = [name for name in names if name not in found]
     if unknown:
         raise InputError(f"the mesh has no named point '{unknown[0]}'")

@@ -47,7 +47,7 @@ def read(path: Path, reading: Reading) -> Record:
     except Exception as error:  # gmsh raises plain exceptions
         said = [line.partition(":")[2].strip() for line in gmsh.logger.get() if line.startswith("Error")]
         reason = said[:1] or str(error).strip().splitlines()[-1:] or [type(error).__name__]
-        shown = re.sub(rf"\S*{re.escape(path.name)}", path.name, reason[0])  # not that of a copy
+        shown = re.sub(rf"'?[^\s']*{re.escape(path.name)}'?", path.name, reason[0])  # not that of a copy
         raise InputError(f"gmsh cannot mesh it: {shown}") from None
     finally:
         gmsh.logger.stop()
