@@ -52,6 +52,9 @@ class Comm(Protocol):
     def scatter(self, sendobj: Sequence[T], root: int = 0) -> T:
         """One thing of those that the root has for each rank; what others hand over does not matter."""
 
+    def alltoall(self, sendobj: Sequence[T]) -> list[T]:
+        """What every rank has for this one, of what each has for all."""
+
     def allreduce(self, sendobj: T, op: Any = ...) -> T:
         """Sum, or another operation, over all ranks."""
 
@@ -174,6 +177,18 @@ class Mat(Protocol):
 
     def setValuesLocalRCV(self, R: NDArray[Any], C: NDArray[Any], V: NDArray[Any], addv: object = None) -> None:
         """Many dense blocks, by this rank's numbers."""
+
+    def setValuesRCV(self, R: NDArray[Any], C: NDArray[Any], V: NDArray[Any], addv: object = None) -> None:
+        """The same by numbers over all ranks."""
+
+    def setSizes(self, size: object, bsize: int | None = None) -> None:
+        """Rows and columns of this rank and of all."""
+
+    def setType(self, mat_type: str) -> None:
+        """Choose its format."""
+
+    def setPreallocationCOO(self, coo_i: NDArray[Any], coo_j: NDArray[Any]) -> object:
+        """Make room for entries by their rows and columns, which may be those of other ranks."""
 
     def assemble(self) -> None:
         """Bring to other ranks what belongs there."""

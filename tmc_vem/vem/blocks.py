@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from codegen.kernel import Kernel
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.spread.distribute import DistributedMesh
 from tmc_vem.vem.dofmap import DofMap
@@ -27,11 +28,25 @@ CHUNK = 1024  # cells whose dense arrays are held at a time
 
 
 @dataclass(frozen=True)
+class SideKernel:
+    """The compiled energy of the sides of a region, and the values of its parameters in the kernel's order."""
+
+    kernel: Kernel
+    parameters: Float
+
+
+@dataclass(frozen=True)
 class RegionKernel:
-    """The compiled energy of a region and the values of its parameters in the kernel's order."""
+    """The compiled energy of a region and the values of its parameters in the kernel's order.
+
+    Attributes:
+        kernel, parameters: of its cells.
+        sides: of the sides of its cells, if they have an interior penalty.
+    """
 
     kernel: CellKernel
     parameters: Float
+    sides: SideKernel | None = None
 
 
 @dataclass(frozen=True)
@@ -62,7 +77,7 @@ class Block:
         for first in range(0, len(self.cells), CHUNK):
             yield slice(first, min(first + CHUNK, len(self.cells)))
 
-    def polygons(self, mesh: PolygonMesh, chosen: slice = slice(None)) -> Float:
+    def polygons(self, mesh: PolygonMesh, chosen: slice | Int = slice(None)) -> Float:
         """Vertices (n_cells, n_sides, 2) of the cells."""
         sides = mesh.cell_offsets[self.cells[chosen]][:, None] + np.arange(self.n_sides)
         polygons: Float = mesh.points_vx[mesh.cell_vertices[sides]]

@@ -79,7 +79,12 @@ class MatrixInsertion:
             self._parts.append(_Part(block, direct, positions, others, dofs))
 
     def assemble(
-        self, u_ni: Float, matrix: Mat, constrained: Int, together: Callable[[Callable[[], None]], None]
+        self,
+        u_ni: Float,
+        matrix: Mat,
+        constrained: Int,
+        together: Callable[[Callable[[], None]], None],
+        more: Callable[[], None] | None = None,
     ) -> None:
         """Tangent (56) at ``u_ni``, with the identity at the local degrees of freedom ``constrained`` of this rank.
 
@@ -88,10 +93,13 @@ class MatrixInsertion:
             matrix: one of the pattern.
             constrained: local degrees of freedom.
             together: calls a function that does not communicate, and raises on all ranks what it raises on one.
+            more: inserts what is not of cells.
         """
         matrix.zeroEntries()
         try:
             together(lambda: self._insert_others(u_ni, matrix, constrained))
+            if more is not None:
+                together(more)
         finally:
             matrix.assemble()
         together(lambda: self._add_directly(u_ni, matrix))

@@ -30,10 +30,11 @@ from tmc_vem.system.reduction import Shares, at_named_points, reaction, step_lim
 from tmc_vem.vem.blocks import CHUNK, RegionKernel, make_blocks
 from tmc_vem.vem.dense import smallest_jacobians
 from tmc_vem.vem.dofmap import DofMap
+from tmc_vem.vem.facets.penalty import InteriorPenalty
 from tmc_vem.vem.insertion import MatrixInsertion
 from tmc_vem.vem.kernel.batch import Tangents
 from tmc_vem.vem.kernel.cells import CellValues
-from tmc_vem.vem.pattern import serial_matrix
+from tmc_vem.vem.pattern import parallel_matrix, serial_matrix
 from tmc_vem.vem.point_weights import locate
 from tmc_vem.vem.spaces.element import element_groups
 from tmc_vem.vem.spaces.element_settings import ElementSettings
@@ -81,10 +82,14 @@ class VemSystem:
         groups = element_groups(distributed.mesh, self.settings, distributed.cell_ids)
         self.blocks = on_every_rank(self.comm, lambda: make_blocks(distributed, self.dofmap, groups, kernels))
         self.size = self._extent()
+        penalised = any(kernels[region].sides is not None for region in self.regions)
+        self.penalty = InteriorPenalty(distributed, self.dofmap, self.blocks, kernels) if penalised else None
         self._load_nodes: Float | None = None
         self._kernel_seconds = 0.0
         self._insertion: MatrixInsertion | None = None
         self._tangent_state: Float | None = None
+        self._penalty_state: Float | None = None  # the same with the halo
+        self._penalty_constrained: NDArray[np.bool_] | None = None
 
     # -- Discretisation ------------------------------------------------------------------------------------------
 
@@ -98,7 +103,14 @@ class VemSystem:
         """A new symmetric matrix, preallocated exactly."""
         dm = self.dofmap.dm
         plain = self.comm.size == 1 and not PETSc.Options().hasName("dm_mat_type")
-        matrix: Mat = serial_matrix(self.blocks, dm, self.dofmap.n_nodes) if plain else dm.createMat()
+        more = [] if self.penalty is None else list(self.penalty.node_groups())
+        if plain:
+            matrix: Mat = serial_matrix(self.blocks, dm, self.dofmap.n_nodes, more)
+        elif self.penalty is None:
+            matrix = dm.createMat()
+        else:
+            n_owned = int((self.dofmap.owned_node_n >= 0).sum())
+            matrix = parallel_matrix(self.blocks, dm, n_owned, self.penalty.node_numbers, more)
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
@@ -123,11 +135,14 @@ class VemSystem:
             for position, name in enumerate(block.kernel.parameters):
                 if name in values:
                     block.parameters[position] = values[name]
+        if self.penalty is not None:
+            self.penalty.set_parameters(values)
 
     def energy(self, u: Vec) -> Evaluation:
         """Potential at ``u``."""
         u_nodes = self._local_values(u)
-        return self._evaluation(self._together(lambda: self._evaluate(u_nodes)), u_nodes)
+        values = self._together(lambda: self._evaluate(u_nodes))
+        return self._evaluation(values, u_nodes, self._penalty_energies(u, u_nodes))
 
     def residual(self, u: Vec, out: Vec) -> Evaluation:
         """Full gradient of the potential into ``out``; its constrained entries are the reactions."""
@@ -135,8 +150,15 @@ class VemSystem:
         total = DISPLACEMENT.nodal(self._work.getArray())
         total[:] = 0.0 if self._load_nodes is None else -self._load_nodes
         values = self._together(lambda: self._evaluate(u_nodes, total))
+        if self.penalty is None:
+            self._add_work(out)
+            return self._evaluation(values, u_nodes)
+        forces = np.zeros((self.dofmap.n_nodes + self.penalty.halo.n_nodes, 2))
+        of_sides = self._penalty_energies(u, u_nodes, forces)
+        total += forces[: self.dofmap.n_nodes]
         self._add_work(out)
-        return self._evaluation(values, u_nodes)
+        self.penalty.halo.add(forces, out)
+        return self._evaluation(values, u_nodes, of_sides)
 
     def jacobian(self, u: Vec, out: Mat) -> None:
         """Tangent (56) at ``u`` with rows and columns of the identity at constrained degrees of freedom.
@@ -145,7 +167,9 @@ class VemSystem:
             EvaluationError: a kernel failed on this or on another rank.
         """
         self._tangent_state = self._local_values(u).copy()
-        self._insertion_into(out).assemble(self._tangent_state, out, self._owned_constrained(), self._together)
+        self._insertion_into(out).assemble(
+            self._tangent_state, out, self._owned_constrained(), self._together, self._penalty_insertion(u, out)
+        )
 
     def tangent_action(self, du: Vec, out: Vec) -> None:
         """Product of the last tangent, without boundary conditions, and ``du``.
@@ -157,7 +181,16 @@ class VemSystem:
         du_nodes, state = self._local_values(du), self._tangent_state
         total = np.zeros((self.dofmap.n_nodes, 2))
         self._together(lambda: self._add_products(state, du_nodes, total))
-        self._add(total.ravel(), out)
+        if self.penalty is None:
+            self._add(total.ravel(), out)
+            return
+        penalty, extended = self.penalty, self._penalty_state
+        assert extended is not None
+        du_extended = penalty.halo.extended(du, du_nodes)
+        forces = np.zeros_like(extended)
+        self._together(lambda: penalty.add_products(extended, du_extended, forces))
+        self._add((total + forces[: self.dofmap.n_nodes]).ravel(), out)
+        penalty.halo.add(forces, out)
 
     def _add_products(self, u_nodes: Float, du_nodes: Float, total: Float) -> None:
         moves = du_nodes.any(axis=1)
@@ -433,8 +466,38 @@ class VemSystem:
         """Energies of all blocks; their residuals are added to ``residual`` (n_nodes, 2)."""
         return [block.kernel.cells(block.batch, u_nodes, block.parameters, residual) for block in self.blocks]
 
-    def _evaluation(self, values: Sequence[CellValues], u_nodes: Float) -> Evaluation:
+    def _penalty_energies(self, u: Vec, u_nodes: Float, forces: Float | None = None) -> list[tuple[str, float]]:
+        """Energies of sides by region; residuals are added to ``forces`` (n_nodes + n_halo, 2)."""
+        if self.penalty is None:
+            return []
+        penalty, extended = self.penalty, self.penalty.halo.extended(u, u_nodes)
+        return self._together(
+            lambda: [(term.region, float(term.energies(extended, forces).sum())) for term in penalty.terms]
+        )
+
+    def _penalty_insertion(self, u: Vec, matrix: Mat) -> Callable[[], None] | None:
+        """What inserts the tangents of sides; all ranks call this."""
+        if self.penalty is None:
+            return None
+        penalty = self.penalty
+        self._penalty_state = state = penalty.halo.extended(u, self._local_values(u)).copy()
+        if self._penalty_constrained is None:
+            flags = np.zeros(DISPLACEMENT.size(self.dofmap.n_nodes))
+            flags[self._constrained_local.dofs] = 1.0
+            vector = self.create_vector()
+            self._add(flags, vector)
+            everywhere = penalty.halo.extended(vector, DISPLACEMENT.nodal(flags))
+            vector.destroy()
+            self._penalty_constrained = everywhere.ravel() > 0.0
+        constrained = self._penalty_constrained
+        return lambda: penalty.insert(state, matrix, constrained)
+
+    def _evaluation(
+        self, values: Sequence[CellValues], u_nodes: Float, of_sides: Sequence[tuple[str, float]] = ()
+    ) -> Evaluation:
         shares = Shares(self.regions)
+        for region, energy in of_sides:
+            shares.add(region, energy)
         for block, value in zip(self.blocks, values, strict=True):
             shares.add_cells(block.region, value.energy_c, value.min_j_c, self.distributed.cell_ids[block.cells])
         work = 0.0 if self._load_nodes is None else float((self._load_nodes * u_nodes).sum())
