@@ -118,11 +118,11 @@ def rated(of: Input, tensor: Any, direction: Any = None) -> Any:
     """An input as a function reads it, each component with its rate, which is 0 without a direction."""
 
     def component(index: tuple[int, ...]) -> Rated:
-        value, rate = tensor, 0 if direction is None else direction
+        value, rate = tensor, direction
         for i in index:
             value = value[i]
-            rate = rate if direction is None else rate[i]
-        return Rated(value, rate)
+            rate = None if rate is None else rate[i]
+        return Rated(value, 0 if rate is None else rate)
 
     return of.nested(component)
 

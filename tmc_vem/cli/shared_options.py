@@ -53,14 +53,14 @@ def element_options() -> list[click.Option]:
             ["--quadrature"], type=int, help=f"Quadrature degree. Default: 2 k (vem), {FemSettings.quadrature} (fem)."
         ),
         penalty_option(),
-        setting(FemSettings, "eta", before="fem:"),
+        setting(ElementSettings, "eta", after=f"Default: 10 (k - 1) (vem), {FemSettings.eta:g} (fem)."),
         setting(FemSettings, "triangles", before="fem:"),
     ]
 
 
 def penalty_option(default: str = FemSettings.interior_penalty) -> click.Option:
     """Option of the interior penalty, with the default of a command."""
-    return setting(FemSettings, "interior_penalty", before="fem:", default=default)
+    return setting(FemSettings, "interior_penalty", default=default)
 
 
 def out_options() -> list[click.Option]:
@@ -177,22 +177,19 @@ def method_settings(options: dict[str, Any]) -> dict[str, Any]:
             raise InputError("--projection belongs to --method vem: finite elements project nothing")
         if options["rule"] != "auto":
             raise InputError("--rule belongs to --method vem: finite elements have the rules of dolfinx")
-        quadrature = {} if options["quadrature"] is None else {"quadrature": options["quadrature"]}
+        given = {name: options[name] for name in ("quadrature", "eta") if options[name] is not None}
         return {
             "fem": FemSettings(
                 order=options["order"],
                 interior_penalty=options["interior_penalty"],
-                eta=options["eta"],
                 triangles=options["triangles"],
-                **quadrature,
+                **given,
             )
         }
-    if options["interior_penalty"] != "none" or options["triangles"]:
-        raise InputError("--interior-penalty and --triangles belong to --method fem")
-    element = ElementSettings(
-        options["order"], options["degree"], options["quadrature"], options["projection"], options["rule"]
-    )
-    return {"element": element}
+    if options["triangles"]:
+        raise InputError("--triangles belongs to --method fem")
+    names = ("order", "degree", "quadrature", "projection", "rule", "interior_penalty", "eta")
+    return {"element": ElementSettings(**{name: options[name] for name in names})}
 
 
 def parse_path(text: str) -> tuple[float, ...]:

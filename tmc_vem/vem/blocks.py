@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.kernel import Kernel
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.spread.distribute import DistributedMesh
 from tmc_vem.vem.dofmap import DofMap
+from tmc_vem.vem.facets.compiled import SideEnergy
 from tmc_vem.vem.kernel.batch import CellBatch
 from tmc_vem.vem.kernel.cells import CellKernel
 from tmc_vem.vem.kernel.packs import Packs
@@ -28,14 +28,6 @@ CHUNK = 1024  # cells whose dense arrays are held at a time
 
 
 @dataclass(frozen=True)
-class SideKernel:
-    """The compiled energy of the sides of a region, and the values of its parameters in the kernel's order."""
-
-    kernel: Kernel
-    parameters: Float
-
-
-@dataclass(frozen=True)
 class RegionKernel:
     """The compiled energy of a region and the values of its parameters in the kernel's order.
 
@@ -46,7 +38,7 @@ class RegionKernel:
 
     kernel: CellKernel
     parameters: Float
-    sides: SideKernel | None = None
+    sides: SideEnergy | None = None
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """The matrix of a system, with the pattern of its cells and of what couples more than the nodes of a cell.
 
-PETSc makes the same matrix of cells alone from the DM, on any number of ranks, but on one rank this takes half the time.
+PETSc makes the same matrix from the DM, on any number of ranks, if there are cells alone; on one rank this takes half
+the time.
 """
 
 from __future__ import annotations

@@ -17,7 +17,8 @@ from tmc_vem.mesh.spread.distribute import DistributedMesh
 from tmc_vem.support.distributed import Comm, Vec
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.vem.dofmap import DofMap
-from tmc_vem.vem.facets.faces import Faces, FaceTable
+from tmc_vem.vem.facets.batch import Faces
+from tmc_vem.vem.facets.faces import FaceTable
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -38,7 +39,9 @@ def edge_keys(distributed: DistributedMesh, sides: Int) -> Int:
     return keys
 
 
-def meet(distributed: DistributedMesh, table: FaceTable, sides: Int, region_s: Int, numbers_n: Int) -> tuple[list[Met], Int]:
+def meet(
+    distributed: DistributedMesh, table: FaceTable, sides: Int, region_s: Int, numbers_n: Int
+) -> tuple[list[Met], Int]:
     """Find the other cells of sides that have one cell on this rank; all ranks call this.
 
     Args:
@@ -53,7 +56,9 @@ def meet(distributed: DistributedMesh, table: FaceTable, sides: Int, region_s: I
         none on any rank: they are at the medium's edge.
     """
     comm = distributed.comm
-    keys = [(int(a), int(b), int(region)) for (a, b), region in zip(edge_keys(distributed, sides), region_s, strict=True)]
+    keys = [
+        (int(a), int(b), int(region)) for (a, b), region in zip(edge_keys(distributed, sides), region_s, strict=True)
+    ]
     here = {key: position for position, key in enumerate(keys)}
     theirs = comm.allgather(keys) if comm.size > 1 else [keys]
     outgoing: list[list[tuple[tuple[int, int, int], Faces]]] = [[] for _ in range(comm.size)]
@@ -77,7 +82,7 @@ def meet(distributed: DistributedMesh, table: FaceTable, sides: Int, region_s: I
 def _face(table: FaceTable, side: int, numbers_n: Int) -> Faces:
     """One face with global numbers of its nodes."""
     one = np.array([side])
-    face = table.faces(int(table.block_of(one)[0]), one)
+    face = table.faces(one)
     return Faces(face.rows_fqra, numbers_n[face.nodes_fa], face.area_f, np.array([-1]))
 
 
@@ -93,8 +98,8 @@ class Halo:
     def __init__(self, comm: Comm, dofmap: DofMap, global_nodes: Int) -> None:
         self.n_local = dofmap.n_nodes
         self._numbers = global_nodes
-        self._is_used = bool(sum(comm.allgather(len(global_nodes)))) if comm.size > 1 else False
-        if self._is_used:
+        self.is_used = bool(sum(comm.allgather(len(global_nodes)))) if comm.size > 1 else False
+        if self.is_used:
             wanted = DISPLACEMENT.dofs(global_nodes).ravel().astype(PETSc.IntType)
             self._values: Any = PETSc.Vec().createSeq(len(wanted), comm=PETSc.COMM_SELF)
             like = dofmap.dm.getGlobalVec()
@@ -119,13 +124,13 @@ class Halo:
 
     def extended(self, u: Vec, u_ni: Float) -> Float:
         """Values (n_nodes + n_halo, 2): those of this rank's nodes, then those of the halo; all ranks call this."""
-        if not self._is_used:
+        if not self.is_used:
             return u_ni
         self._scatter.scatter(u, self._values, PETSc.InsertMode.INSERT_VALUES, PETSc.ScatterMode.FORWARD)
         return np.concatenate([u_ni, DISPLACEMENT.nodal(self._values.getArray(readonly=True))])
 
     def add(self, total_ni: Float, out: Vec) -> None:
         """Add the values of the halo's nodes to a global vector; all ranks call this."""
-        if self._is_used:
+        if self.is_used:
             self._values.getArray()[:] = total_ni[self.n_local :].ravel()
             self._scatter.scatter(self._values, out, PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)

@@ -8,7 +8,7 @@ a patch test. Points lie along the edge's own direction, so that both cells, on 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tmc_vem.mesh.geometry import areas, centroids
 from tmc_vem.mesh.spread.distribute import DistributedMesh
 from tmc_vem.vem.blocks import Block
+from tmc_vem.vem.facets.batch import Faces
 from tmc_vem.vem.spaces.quadrature import gauss
 from tmc_vem.vem.spaces.spaces import smooth_rows
 
@@ -26,33 +27,6 @@ Int = NDArray[np.int64]
 def points_of_side(order: int) -> tuple[Float, Float]:
     """Gauss points on [0, 1] and weights: k + 1 of them, exact for products of two traces of degree k."""
     return gauss(order + 1)
-
-
-@dataclass(frozen=True)
-class Faces:
-    """Faces of cells with equally many basis functions.
-
-    Attributes:
-        rows_fqra: (n_faces, n_points, 6, n_basis) values and derivatives of the polynomials that the basis has for its
-            gradient.
-        nodes_fa: (n_faces, n_basis) nodes of the cells.
-        area_f: areas of the cells.
-        cell_f: cells of this rank, -1 for those of others.
-    """
-
-    rows_fqra: Float
-    nodes_fa: Int
-    area_f: Float
-    cell_f: Int
-
-    @property
-    def n_basis(self) -> int:
-        """Scalar basis functions of each cell."""
-        return self.nodes_fa.shape[1]
-
-    def take(self, chosen: Int) -> Faces:
-        """Some of them."""
-        return Faces(self.rows_fqra[chosen], self.nodes_fa[chosen], self.area_f[chosen], self.cell_f[chosen])
 
 
 class FaceTable:
@@ -76,10 +50,25 @@ class FaceTable:
 
     def block_of(self, sides: Int) -> Int:
         """The block of each side's cell, -1 for cells of none."""
-        return self._block_c[self.cell_s[sides]]
+        blocks: Int = self._block_c[self.cell_s[sides]]
+        return blocks
 
-    def faces(self, block: int, sides: Int) -> Faces:
-        """Faces of sides of one block's cells."""
+    def n_basis_of(self, sides: Int) -> Int:
+        """Basis functions of each side's cell."""
+        return np.array([block.batch.n_basis for block in self._blocks], dtype=np.int64)[self.block_of(sides)]
+
+    def faces(self, sides: Int) -> Faces:
+        """Faces of sides of cells with equally many basis functions."""
+        blocks = self.block_of(sides)
+        parts, order = [], []
+        for block in np.unique(blocks).tolist():
+            chosen = np.flatnonzero(blocks == block)
+            parts.append(self._of_block(block, sides[chosen]))
+            order.append(chosen)
+        place = np.argsort(np.concatenate(order))
+        return Faces(*(np.concatenate([getattr(part, of.name) for part in parts])[place] for of in fields(Faces)))
+
+    def _of_block(self, block: int, sides: Int) -> Faces:
         batch = self._blocks[block].batch
         cells = self.cell_s[sides]
         place = self._place_c[cells]

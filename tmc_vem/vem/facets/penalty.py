@@ -7,25 +7,63 @@ with the derivative of the displacement along the side, which is known there.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 from tmc_vem.mesh.spread.distribute import DistributedMesh
-from tmc_vem.support.distributed import Mat, Vec
-from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.vem.blocks import Block, RegionKernel
 from tmc_vem.vem.dofmap import DofMap
-from tmc_vem.vem.facets.exchange import Halo, meet
-from tmc_vem.vem.facets.faces import Faces, FaceTable, points_of_side
-from tmc_vem.vem.facets.terms import FacetTerms, Side, dofs, jump_of_faces
+from tmc_vem.vem.facets.batch import Faces, Side, SideBatch, jump_of_faces
+from tmc_vem.vem.facets.compiled import SideEnergy
+from tmc_vem.vem.facets.exchange import Halo, Met, meet
+from tmc_vem.vem.facets.faces import FaceTable, points_of_side
 from tmc_vem.vem.spaces.projector import edge_basis_slopes
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class SideTerms:
+    """Sides of one region whose faces have equally many basis functions.
+
+    Attributes:
+        region: name.
+        energy: of a point of a face, with parameters that are theirs.
+        batch: the sides.
+        cells: (n_sides, n_faces) cells of this rank, -1 for those of others.
+    """
+
+    region: str
+    energy: SideEnergy
+    batch: SideBatch
+    cells: Int
+
+    @property
+    def nodes_ca(self) -> NDArray[np.int32]:
+        """(n_sides, n_basis) nodes of all faces."""
+        return self.batch.nodes_sa
+
+    def take(self, chosen: Int | slice) -> SideTerms:
+        """Some of the sides, with the same parameters."""
+        return SideTerms(self.region, self.energy, self.batch.take(chosen), self.cells[chosen])
+
+    def energies(self, u_ni: Float, residual_ni: Float | None = None) -> Float:
+        """Energy (n_sides,) of each side; residuals are added to ``residual_ni`` if it is given."""
+        return self.energy.kernel.energies(self.batch, u_ni, self.energy.parameters, residual_ni)
+
+    def tangents(self, u_ni: Float) -> Float:
+        """Tangents (n_sides, n_basis, 2, n_basis, 2)."""
+        return self.energy.kernel.tangents(self.batch, u_ni, self.energy.parameters)
+
+    def add_tangents(
+        self, u_ni: Float, values: Float, position_cab: NDArray[np.int32], row_length_n: NDArray[np.int32]
+    ) -> None:
+        """Add the tangents to the values of a matrix."""
+        self.energy.kernel.add_tangents(self.batch, u_ni, self.energy.parameters, values, position_cab, row_length_n)
 
 
 class InteriorPenalty:
@@ -35,6 +73,7 @@ class InteriorPenalty:
         distributed, dofmap: the mesh and its nodes.
         blocks: all cells of this rank.
         kernels: of all regions; those with an energy of sides take part.
+        is_direct: (n_nodes,) nodes whose tangents go straight into the matrix; sides are kept apart by that.
     """
 
     def __init__(
@@ -43,14 +82,13 @@ class InteriorPenalty:
         dofmap: DofMap,
         blocks: Sequence[Block],
         kernels: Mapping[str, RegionKernel],
+        is_direct: NDArray[np.bool_],
     ) -> None:
         self._distributed, self._dofmap, self._kernels = distributed, dofmap, kernels
         self._order = dofmap.order
         media = [block for block in blocks if kernels[block.region].sides is not None]
-        self._media = media
         self._table = FaceTable(distributed, media, dofmap.order)
-        numbers = dofmap.dm.getLGMap().apply(DISPLACEMENT.dof(np.arange(dofmap.n_nodes)).astype(PETSc.IntType))
-        self._node_numbers: Int = DISPLACEMENT.node(numbers.astype(np.int64))
+        self._node_numbers = dofmap.global_node_n
         inner, single = self._sides()
         met, edge = meet(
             distributed, self._table, single, distributed.mesh.region_c[self._table.cell_s[single]], self._node_numbers
@@ -58,9 +96,10 @@ class InteriorPenalty:
         others = [one.other.nodes_fa.ravel() for one in met]
         strange = np.setdiff1d(np.unique(np.concatenate(others)), self._node_numbers) if others else np.empty(0, int)
         self.halo = Halo(distributed.comm, dofmap, strange)
+        self._is_direct = np.concatenate([is_direct, np.zeros(len(strange), dtype=bool)])
         self.terms = [
             *self._inside(inner[:, 0], inner[:, 1]),
-            *self._between_ranks([(one.side, one.other) for one in met]),
+            *self._between_ranks(met),
             *self._at_edges(single[edge]),
         ]
 
@@ -80,24 +119,19 @@ class InteriorPenalty:
         pairs = np.column_stack([along[both], against[both]])
         return pairs, np.setdiff1d(sides, pairs)
 
-    def _inside(self, first: Int, second: Int) -> Iterator[FacetTerms]:
+    def _inside(self, first: Int, second: Int) -> Iterator[SideTerms]:
         """Sides with both cells on this rank."""
-        a, b = self._table.block_of(first), self._table.block_of(second)
-        for chosen in _alike(np.column_stack([a, b])):
-            faces = (
-                self._table.faces(int(a[chosen[0]]), first[chosen]),
-                self._table.faces(int(b[chosen[0]]), second[chosen]),
-            )
-            yield self._two_faces(first[chosen], faces)
+        for chosen in self._alike(first, self._table.n_basis_of(first), self._table.n_basis_of(second)):
+            faces = self._table.faces(first[chosen]), self._table.faces(second[chosen])
+            yield from self._two_faces(first[chosen], faces)
 
-    def _between_ranks(self, met: Sequence[tuple[int, Faces]]) -> Iterator[FacetTerms]:
+    def _between_ranks(self, met: Sequence[Met]) -> Iterator[SideTerms]:
         """Sides whose second cell is another rank's."""
-        sides = np.array([side for side, _ in met], dtype=np.int64)
-        blocks = self._table.block_of(sides)
-        kinds = np.column_stack([blocks, [other.n_basis for _, other in met]]) if met else np.empty((0, 2), int)
+        sides = np.array([one.side for one in met], dtype=np.int64)
+        n_basis = np.array([one.other.n_basis for one in met], dtype=np.int64)
         known = np.argsort(self._node_numbers)
-        for chosen in _alike(kinds):
-            others = [met[n][1] for n in chosen.tolist()]
+        for chosen in self._alike(sides, self._table.n_basis_of(sides), n_basis):
+            others = [met[n].other for n in chosen.tolist()]
             numbers = np.concatenate([other.nodes_fa for other in others])
             place = np.minimum(np.searchsorted(self._node_numbers, numbers, sorter=known), len(known) - 1)
             local = known[place]
@@ -106,47 +140,53 @@ class InteriorPenalty:
                 np.concatenate([other.rows_fqra for other in others]), nodes,
                 np.concatenate([other.area_f for other in others]), np.full(len(chosen), -1),
             )  # fmt: skip
-            yield self._two_faces(sides[chosen], (self._table.faces(int(blocks[chosen[0]]), sides[chosen]), second))
+            yield from self._two_faces(sides[chosen], (self._table.faces(sides[chosen]), second))
 
-    def _two_faces(self, sides: Int, faces: tuple[Faces, Faces]) -> FacetTerms:
+    def _two_faces(self, sides: Int, faces: tuple[Faces, Faces]) -> Iterator[SideTerms]:
         normal, length = self._geometry(sides)
         # the harmonic mean of area over length: hanging nodes and short sides need nothing special
         h = 2.0 / (length / faces[0].area_f + length / faces[1].area_f)
-        return self._made(sides, faces, jump_of_faces(faces), normal, length, h)
+        yield from self._made(sides, faces, jump_of_faces(faces), normal, length, h)
 
-    def _at_edges(self, sides: Int) -> Iterator[FacetTerms]:
+    def _at_edges(self, sides: Int) -> Iterator[SideTerms]:
         """Sides at the edge of a medium, one face each."""
-        block, local = self._table.block_of(sides), self._place_in_cell(sides)
-        for chosen in _alike(np.column_stack([block, local])):
+        k, mesh = self._order, self._distributed.mesh
+        points = points_of_side(k)[0]
+        slopes_qa = edge_basis_slopes(k, points), edge_basis_slopes(k, 1.0 - points)
+        for chosen in self._alike(sides, self._table.n_basis_of(sides)):
             here = sides[chosen]
-            face = self._table.faces(int(block[chosen[0]]), here)
+            face = self._table.faces(here)
             normal, length = self._geometry(here)
             tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
+            # what the cell's polynomial says of the derivative along the side, less what it is
             along = np.einsum("fj,fqja->fqa", tangent, face.rows_fqra[:, :, :2])
-            n_sides, s = self._media[int(block[chosen[0]])].n_sides, int(local[chosen[0]])
-            k = self._order
-            on_side = [s, *range(n_sides + s * (k - 1), n_sides + (s + 1) * (k - 1)), (s + 1) % n_sides]
-            points = points_of_side(k)[0]
-            forward = self._distributed.edges.forward[here]
-            for direction in (True, False):
-                # a side that runs against its edge has the points in the other order
-                slopes = edge_basis_slopes(k, points if direction else 1.0 - points)
-                which = np.flatnonzero(forward == direction)
-                along[which[:, None, None], np.arange(k + 1)[:, None], on_side] -= (
-                    slopes / length[which, None, None]
-                )
+            cell = self._table.cell_s[here]
+            n_sides, s = mesh.n_sides_c[cell], here - mesh.cell_offsets[cell]
+            inside = (n_sides + s * (k - 1))[:, None] + np.arange(k - 1)
+            on_side = np.column_stack([s, inside, (s + 1) % n_sides])
+            # points are in the order of the edge, the basis in that of the cell
+            forward = self._distributed.edges.forward[here][:, None, None]
+            slopes = np.where(forward, *slopes_qa) / length[:, None, None]
+            along[np.arange(len(here))[:, None, None], np.arange(k + 1)[:, None], on_side[:, None]] -= slopes
             jump = tangent[:, None, :, None] * along[:, :, None]
-            yield self._made(here, (face,), jump, normal, length, face.area_f / length)
+            yield from self._made(here, (face,), jump, normal, length, face.area_f / length)
 
     def _made(
         self, sides: Int, faces: tuple[Faces, ...], jump: Float, normal: Float, length: Float, h: Float
-    ) -> FacetTerms:
+    ) -> Iterator[SideTerms]:
         mesh = self._distributed.mesh
         region = mesh.region_names[mesh.region_c[self._table.cell_s[sides[0]]]]
         energy = self._kernels[region].sides
         assert energy is not None
-        side = Side(normal, h, length[:, None] * points_of_side(self._order)[1])
-        return FacetTerms(region, energy.kernel, energy.parameters.copy(), faces, jump, side)
+        w = length[:, None] * points_of_side(self._order)[1]
+        direct = np.all([self._is_direct[face.nodes_fa].all(axis=1) for face in faces], axis=0)
+        for chosen in (np.flatnonzero(direct), np.flatnonzero(~direct)):
+            if len(chosen):
+                some = tuple(face.take(chosen) for face in faces)
+                side = Side(normal[chosen], h[chosen], w[chosen])
+                batch = SideBatch.pack(energy.kernel.layout, some, jump[chosen], side)
+                cells = np.column_stack([face.cell_f for face in some])
+                yield SideTerms(region, SideEnergy(energy.kernel, energy.parameters.copy()), batch, cells)
 
     def _geometry(self, sides: Int) -> tuple[Float, Float]:
         """Unit normals (n, 2) out of the sides' cells, and lengths."""
@@ -156,8 +196,12 @@ class InteriorPenalty:
         length = np.hypot(along[:, 0], along[:, 1])
         return np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None], length
 
-    def _place_in_cell(self, sides: Int) -> Int:
-        return sides - self._distributed.mesh.cell_offsets[self._table.cell_s[sides]]
+    def _alike(self, sides: Int, *n_basis: Int) -> Iterator[Int]:
+        """Positions (n,) of sides of one region whose faces have equally many basis functions."""
+        keys = np.column_stack([self._distributed.mesh.region_c[self._table.cell_s[sides]], *n_basis])
+        _, which = np.unique(keys, axis=0, return_inverse=True)
+        for kind in range(which.max(initial=-1) + 1):
+            yield np.flatnonzero(which.reshape(-1) == kind)
 
     @property
     def node_numbers(self) -> Int:
@@ -169,47 +213,6 @@ class InteriorPenalty:
     def set_parameters(self, values: Mapping[str, float]) -> None:
         """Change parameters, by name."""
         for term in self.terms:
-            for position, name in enumerate(term.kernel.parameters):
+            for position, name in enumerate(term.energy.kernel.parameters):
                 if name in values:
-                    term.parameters[position] = values[name]
-
-    def node_groups(self) -> Iterable[Int]:
-        """Nodes (n_sides, n) that sides couple."""
-        return (term.nodes_fa for term in self.terms)
-
-    def insert(self, u_ni: Float, matrix: Mat, is_constrained: NDArray[np.bool_]) -> None:
-        """Add the tangents to a matrix; constrained rows and columns are left out.
-
-        Args:
-            u_ni: displacements of this rank's nodes and the halo.
-            matrix: not yet assembled.
-            is_constrained: (n_nodes + n_halo) 2 flags.
-        """
-        numbers = self.node_numbers
-        for term in self.terms:
-            for chosen in term.chunks():
-                tangents = term.tangents(u_ni, chosen)
-                nodes = term.nodes_fa[chosen]
-                free = np.where(is_constrained[dofs(nodes)], -1, dofs(numbers[nodes])).astype(PETSc.IntType)
-                n = free.shape[1]
-                matrix.setValuesRCV(free, free, tangents.reshape(-1, n, n), addv=PETSc.InsertMode.ADD_VALUES)
-
-    def add_products(self, u_ni: Float, du_ni: Float, total_ni: Float) -> None:
-        """Add tangents times ``du_ni``, where it is not zero."""
-        moves = du_ni.any(axis=1)
-        for term in self.terms:
-            nodes = term.nodes_fa
-            moving = np.flatnonzero(moves[nodes].any(axis=1))
-            for chosen in np.array_split(moving, len(moving) // 512 + 1):
-                if len(chosen):
-                    n = 2 * nodes.shape[1]
-                    products = term.tangents(u_ni, chosen).reshape(-1, n, n) @ du_ni[nodes[chosen]].reshape(-1, n, 1)
-                    np.add.at(total_ni, nodes[chosen], products.reshape(*nodes[chosen].shape, 2))
-
-
-def _alike(keys: Any) -> Iterator[Int]:
-    """Positions (n,) of equal rows of keys."""
-    if len(keys):
-        _, which = np.unique(keys, axis=0, return_inverse=True)
-        for kind in range(which.max() + 1):
-            yield np.flatnonzero(which.reshape(-1) == kind)
+                    term.energy.parameters[position] = values[name]

@@ -8,7 +8,9 @@ from codegen.driver import Driver
 
 HERE = Path(__file__).parent
 
+LANE_PRODUCTS = HERE / "lanes.c"  # vectors of lanes and products of small matrices of them
+
 CELL_DRIVER = Driver(
     header=HERE / "kernel_abi.h",
-    files=tuple(HERE / name for name in ("lanes.c", "shapes.c", "residual.c", "tangent.c", "entries.c")),
+    files=(LANE_PRODUCTS, *(HERE / name for name in ("shapes.c", "residual.c", "tangent.c", "entries.c"))),
 )
