@@ -181,15 +181,6 @@ class Mat(Protocol):
     def setValuesRCV(self, R: NDArray[Any], C: NDArray[Any], V: NDArray[Any], addv: object = None) -> None:
         """The same by numbers over all ranks."""
 
-    def setSizes(self, size: object, bsize: int | None = None) -> None:
-        """Rows and columns of this rank and of all."""
-
-    def setType(self, mat_type: str) -> None:
-        """Choose its format."""
-
-    def setPreallocationCOO(self, coo_i: NDArray[Any], coo_j: NDArray[Any]) -> object:
-        """Make room for entries by their rows and columns, which may be those of other ranks."""
-
     def assemble(self) -> None:
         """Bring to other ranks what belongs there."""
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 from scipy import sparse
 
-from tmc_vem.support.distributed import Mat
+from tmc_vem.support.distributed import Comm, Mat
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.vem.blocks import Block
 
@@ -45,25 +45,42 @@ def serial_matrix(blocks: Sequence[Block], dm: Any, n_nodes: int, more: Iterable
     return matrix
 
 
-def parallel_matrix(blocks: Sequence[Block], dm: Any, n_owned: int, number_n: Int, more: Iterable[Int]) -> Mat:
+def parallel_matrix(
+    comm: Comm, blocks: Sequence[Block], dm: Any, owned: tuple[int, int], number_n: Int, more: Iterable[Int]
+) -> Mat:
     """Matrix over all ranks, zero, with an entry for every two degrees of freedom of a cell and of ``more``.
 
+    The matrix of the DM would have no room for what couples beyond a cell.
+
     Args:
+        comm: the ranks; all of them call this.
         blocks: this rank's cells.
-        dm: numbers the degrees of freedom, and says what type a matrix has.
-        n_owned: nodes that this rank owns.
+        dm: numbers the degrees of freedom.
+        owned: number over all ranks of the first node of this rank, and of the first one of the next.
         number_n: (n_nodes,) number over all ranks of the nodes that blocks and ``more`` name.
         more: other nodes (n, n_together) that are coupled.
     """
     starts, columns = node_pattern(blocks, len(number_n), more)
-    rows = np.repeat(number_n, np.diff(starts))
-    pairs = DISPLACEMENT.dofs(rows)[:, :, None], DISPLACEMENT.dofs(number_n[columns])[:, None, :]
-    i, j = (side.ravel().astype(PETSc.IntType) for side in np.broadcast_arrays(*pairs))
-    size = DISPLACEMENT.size(n_owned)
-    matrix: Mat = PETSc.Mat().create(comm=dm.getComm())
-    matrix.setSizes(((size, None), (size, None)), bsize=DISPLACEMENT.components)
-    matrix.setType(dm.getMatType())
-    matrix.setPreallocationCOO(i, j)
+    pairs = np.column_stack([np.repeat(number_n, np.diff(starts)), number_n[columns]])
+    first_r = np.array(comm.allgather(owned[0]))
+    # ranks without nodes begin where the next one does: the last of those is the owner
+    owner = np.searchsorted(first_r, pairs[:, 0], side="right") - 1
+    received = comm.alltoall([pairs[owner == rank] for rank in range(comm.size)])
+    rows, columns = np.unique(np.concatenate(received), axis=0).T
+    n_owned = owned[1] - owned[0]
+    n_row = np.bincount(rows - owned[0], minlength=n_owned)
+    # both components of a node have the same columns
+    dofs = DISPLACEMENT.dofs(columns).ravel()
+    per_row = DISPLACEMENT.components * n_row
+    begin = np.concatenate([[0], np.cumsum(per_row)])
+    row = np.repeat(np.arange(n_owned), DISPLACEMENT.components)
+    length = per_row[row]
+    indptr = np.concatenate([[0], np.cumsum(length)])
+    indices = dofs[np.arange(indptr[-1]) - np.repeat(indptr[:-1] - begin[row], length)]
+    csr = (indptr.astype(PETSc.IntType), indices.astype(PETSc.IntType), np.zeros(len(indices)))
+    size = (DISPLACEMENT.size(n_owned), PETSc.DETERMINE)
+    matrix: Mat = PETSc.Mat().createAIJ((size, size), csr=csr, comm=comm)
+    matrix.setBlockSize(DISPLACEMENT.components)
     lgmap = dm.getLGMap()
     matrix.setLGMap(lgmap, lgmap)
     matrix.setDM(dm)

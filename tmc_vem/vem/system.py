@@ -111,8 +111,8 @@ class VemSystem:
         elif self.penalty is None:
             matrix = dm.createMat()
         else:
-            n_owned = int((self.dofmap.owned_node_n >= 0).sum())
-            matrix = parallel_matrix(self.blocks, dm, n_owned, self.penalty.node_numbers, more)
+            first, last = (DISPLACEMENT.n_nodes(bound) for bound in self.dofmap.owned_range)
+            matrix = parallel_matrix(self.comm, self.blocks, dm, (first, last), self.penalty.node_numbers, more)
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
