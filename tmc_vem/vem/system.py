@@ -31,7 +31,7 @@ from tmc_vem.vem.blocks import CHUNK, RegionKernel, make_blocks
 from tmc_vem.vem.dense import smallest_jacobians
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.facets.exchange import Halo
-from tmc_vem.vem.facets.penalty import InteriorPenalty
+from tmc_vem.vem.facets.penalty import InteriorPenalty, SideTerms
 from tmc_vem.vem.insertion import CellTerms, MatrixInsertion, Terms
 from tmc_vem.vem.kernel.cells import CellValues
 from tmc_vem.vem.pattern import parallel_matrix, serial_matrix
@@ -44,7 +44,7 @@ from tmc_vem.vem.spaces.tabulated import points_and_values
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 T = TypeVar("T")
-Evaluated = tuple[list[CellValues], list[tuple[str, float]]]  # of cells by block; energies of sides with their region
+Evaluated = tuple[list[CellValues], list[tuple[SideTerms, tuple[Float, Float]]]]  # of blocks, and of sides
 
 
 class VemSystem:
@@ -190,9 +190,15 @@ class VemSystem:
 
     def max_step(self, u: Vec, du: Vec) -> float:
         """Largest s with J > 0 at every quadrature point along u + t du, t < s."""
-        u_nodes = self._local_values(u).copy()
-        du_nodes = self._local_values(du)
-        steps = self._together(lambda: [b.kernel.max_step(b.batch, u_nodes, du_nodes) for b in self.blocks])
+        u_nodes = self._extended(u).copy()
+        du_nodes = self._extended(du)
+        sides = [] if self.penalty is None else self.penalty.terms
+        steps = self._together(
+            lambda: [
+                *(block.kernel.max_step(block.batch, u_nodes, du_nodes) for block in self.blocks),
+                *(terms.max_step(u_nodes, du_nodes) for terms in sides),
+            ]
+        )
         return step_limit(self.comm, (float(step_c.min(initial=np.inf)) for step_c in steps))
 
     def point_coordinates(self, names: Sequence[str]) -> Float:
@@ -492,13 +498,13 @@ class VemSystem:
         """Energies of all blocks and sides; their residuals are added to ``residual`` (n_nodes, 2)."""
         of_cells = [block.kernel.cells(block.batch, u_nodes, block.parameters, residual) for block in self.blocks]
         sides = [] if self.penalty is None else self.penalty.terms
-        return of_cells, [(terms.region, float(terms.energies(u_nodes, residual).sum())) for terms in sides]
+        return of_cells, [(terms, terms.energies(u_nodes, residual)) for terms in sides]
 
     def _evaluation(self, values: Evaluated, u_nodes: Float) -> Evaluation:
         shares = Shares(self.regions)
         of_cells, of_sides = values
-        for region, energy in of_sides:
-            shares.add(region, energy)
+        for terms, (energy_s, min_j_s) in of_sides:
+            shares.add_cells(terms.region, energy_s, min_j_s, self.distributed.cell_ids[terms.cells[:, 0]])
         for block, value in zip(self.blocks, of_cells, strict=True):
             shares.add_cells(block.region, value.energy_c, value.min_j_c, self.distributed.cell_ids[block.cells])
         work = 0.0 if self._load_nodes is None else float((self._load_nodes * u_nodes[: self.dofmap.n_nodes]).sum())

@@ -17,7 +17,7 @@ from codegen.kernel import ENERGY, GRADIENT, TANGENT, Kernel, compiled
 from codegen.library import ARRAY, INT, INT64, POINTS, Signatures, address
 from tmc_vem.vem.facets.batch import SideBatch
 from tmc_vem.vem.facets.energy import ETA, facet_integrand, require_weights
-from tmc_vem.vem.kernel.driver import LANE_PRODUCTS
+from tmc_vem.vem.kernel.driver import LANE_PRODUCTS, STEP_LIMIT
 
 Float = NDArray[np.float64]
 Int32 = NDArray[np.int32]
@@ -25,21 +25,40 @@ Int32 = NDArray[np.int32]
 HERE = Path(__file__).parent
 OUT_OF_MEMORY = -2
 
-SIDE_DRIVER = Driver(header=HERE / "sides_abi.h", files=(LANE_PRODUCTS, HERE / "sides.c"))
+SIDE_DRIVER = Driver(header=HERE / "sides_abi.h", files=(LANE_PRODUCTS, STEP_LIMIT, HERE / "sides.c"))
 
 
 class SideKernel(Kernel):
     """Compiled energy at a point of a face, with the driver for sides."""
 
-    signatures: ClassVar[Signatures] = {**POINTS, "tmc_side_terms": (INT64, (INT, *(ARRAY,) * 9))}
+    signatures: ClassVar[Signatures] = {
+        **POINTS,
+        "tmc_side_terms": (INT64, (INT, *(ARRAY,) * 10)),
+        "tmc_side_limits": (INT64, (ARRAY,) * 4),
+    }
 
-    def energies(self, batch: SideBatch, u_ni: Float, parameters: Float, residual_ni: Float | None = None) -> Float:
-        """Energy (n_sides,) of each side; residuals are added to ``residual_ni`` if it is given.
+    def energies(
+        self, batch: SideBatch, u_ni: Float, parameters: Float, residual_ni: Float | None = None
+    ) -> tuple[Float, Float]:
+        """Energy and smallest J (n_sides,) of each side; residuals are added to ``residual_ni`` if it is given.
 
         Raises:
             MemoryError: the work space could not be allocated.
         """
         return self._terms(ENERGY if residual_ni is None else GRADIENT, batch, u_ni, parameters, residual_ni)
+
+    def max_step(self, batch: SideBatch, u_ni: Float, du_ni: Float) -> Float:
+        """Largest s of each side, (n_sides,), with J(u + t du) > 0 at its points for t < s; may be infinite.
+
+        Raises:
+            MemoryError: the work space could not be allocated.
+        """
+        step_s = np.empty(batch.n_sides)
+        u_ni, du_ni = np.ascontiguousarray(u_ni), np.ascontiguousarray(du_ni)
+        self._require_memory(
+            self._lib.tmc_side_limits(ctypes.byref(batch.struct), address(u_ni), address(du_ni), address(step_s))
+        )
+        return step_s
 
     def tangents(self, batch: SideBatch, u_ni: Float, parameters: Float) -> Float:
         """Tangents (n_sides, n_basis, 2, n_basis, 2).
@@ -61,17 +80,22 @@ class SideKernel(Kernel):
         """
         self._terms(TANGENT, batch, u_ni, parameters, None, None, values, position_sab, row_length_n)
 
-    def _terms(self, level: int, batch: SideBatch, u_ni: Float, parameters: Float, *out: NDArray[Any] | None) -> Float:
+    def _terms(
+        self, level: int, batch: SideBatch, u_ni: Float, parameters: Float, *out: NDArray[Any] | None
+    ) -> tuple[Float, Float]:
         self.check_parameters(parameters)
-        energy_s = np.empty(batch.n_sides)
+        energy_s, min_j_s = np.empty((2, batch.n_sides))
         given = [address(array) for array in (*out, *(None,) * (5 - len(out)))]
         status = self._lib.tmc_side_terms(
             level, ctypes.byref(batch.struct), address(np.ascontiguousarray(u_ni)), address(parameters),
-            address(energy_s), *given,
+            address(energy_s), address(min_j_s), *given,
         )  # fmt: skip
+        self._require_memory(status)
+        return energy_s, min_j_s
+
+    def _require_memory(self, status: int) -> None:
         if status == OUT_OF_MEMORY:
             raise MemoryError(f"kernel '{self.name}' could not allocate its work space")
-        return energy_s
 
 
 def compile_integrand(integrand: Integrand) -> SideKernel:

@@ -51,9 +51,13 @@ class SideTerms:
         """Some of the sides, with the same parameters."""
         return SideTerms(self.region, self.energy, self.batch.take(chosen), self.cells[chosen])
 
-    def energies(self, u_ni: Float, residual_ni: Float | None = None) -> Float:
-        """Energy (n_sides,) of each side; residuals are added to ``residual_ni`` if it is given."""
+    def energies(self, u_ni: Float, residual_ni: Float | None = None) -> tuple[Float, Float]:
+        """Energy and smallest J (n_sides,) of each side; residuals are added to ``residual_ni`` if it is given."""
         return self.energy.kernel.energies(self.batch, u_ni, self.energy.parameters, residual_ni)
+
+    def max_step(self, u_ni: Float, du_ni: Float) -> Float:
+        """Largest s of each side, (n_sides,), with J > 0 at its points along u + t du, t < s."""
+        return self.energy.kernel.max_step(self.batch, u_ni, du_ni)
 
     def tangents(self, u_ni: Float) -> Float:
         """Tangents (n_sides, n_basis, 2, n_basis, 2)."""

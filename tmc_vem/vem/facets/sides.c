@@ -98,8 +98,18 @@ static void store_side(const tmc_sides *sides, int64_t s, int lane, const vec *K
   }
 }
 
+/* Smallest J so far, of F - I in the order of Appendix C; what is not a number stays. */
+static void lower_to_jacobian(vec *min_j, const vec *x) {
+  const_lanes H = (const_lanes)x;
+  double *lowest = (double *)min_j;
+  for (int v = 0; v < LANES; ++v) {
+    const double J = jacobian(H[0][v], H[1][v], H[2][v], H[3][v]);
+    lowest[v] = lowest[v] < J || lowest[v] != lowest[v] ? lowest[v] : J;
+  }
+}
+
 int64_t tmc_side_terms(int level, const tmc_sides *sides, const double *u_ni, const double *parameters,
-                       double *energy_s, double *residual_ni, double *dense_saibj, double *values,
+                       double *energy_s, double *min_j_s, double *residual_ni, double *dense_saibj, double *values,
                        const int32_t *position_sab, const int32_t *row_length_n) {
   side_workspace work;
   if (!allocate_sides(&work, sides, level)) return -2;
@@ -114,7 +124,7 @@ int64_t tmc_side_terms(int level, const tmc_sides *sides, const double *u_ni, co
     const int64_t pack = s0 / LANES;
     const vec *c_e = (const vec *)sides->coefficient_spe + pack * n_extra;
     gather_sides(sides, s0, u_ni, work.u_ai);
-    vec energy = {0.0};
+    vec energy = {0.0}, min_j = (vec){0.0} + INFINITY;
     memset(work.R_ai, 0, 2 * (size_t)n * sizeof(vec));
     if (level >= TMC_TANGENT) memset(work.K_kab, 0, 3 * (size_t)n * n * sizeof(vec));
     for (int face = 0; face < sides->n_faces; ++face) {
@@ -129,6 +139,7 @@ int64_t tmc_side_terms(int level, const tmc_sides *sides, const double *u_ni, co
           y[2 * r] = y0, y[2 * r + 1] = y1;
         }
         memcpy(x, y, 2 * (size_t)n_own * sizeof(vec));
+        lower_to_jacobian(&min_j, x);
         for (int e = 0; e < n_extra; ++e)
           for (int i = 0; i < 2; ++i) x[2 * (n_own + e) + i] = c_e[e] * y[2 * (n_own + e % N_JUMP) + i];
 
@@ -163,6 +174,7 @@ int64_t tmc_side_terms(int level, const tmc_sides *sides, const double *u_ni, co
     for (int v = 0; v < LANES && s0 + v < sides->n_sides; ++v) {
       const int64_t s = s0 + v;
       energy_s[s] = ((double *)&energy)[v];
+      min_j_s[s] = ((double *)&min_j)[v];
       if (residual_ni && level >= TMC_GRADIENT)
         for (int a = 0; a < n; ++a)
           for (int i = 0; i < 2; ++i)
@@ -172,5 +184,37 @@ int64_t tmc_side_terms(int level, const tmc_sides *sides, const double *u_ni, co
     }
   }
   free(work.allocated);
+  return -1;
+}
+
+int64_t tmc_side_limits(const tmc_sides *sides, const double *u_ni, const double *du_ni, double *step_s) {
+  const int n = sides->n_basis, n_own = sides->n_own, n_q = sides->n_points;
+  vec *u_ai = aligned_alloc(sizeof(vec), 4 * (size_t)n * sizeof(vec)), *du_ai = u_ai + 2 * n;
+  if (!u_ai) return -2;
+  for (int64_t s0 = 0; s0 < sides->n_sides; s0 += LANES) {
+    gather_sides(sides, s0, u_ni, u_ai);
+    gather_sides(sides, s0, du_ni, du_ai);
+    vec step = (vec){0.0} + INFINITY;
+    for (int face = 0; face < sides->n_faces; ++face) {
+      const int n_a = sides->n_a[face], first = sides->first_a[face];
+      const vec *rows = (const vec *)sides->rows_spqra[face] + s0 / LANES * n_q * n_own * n_a;
+      for (int q = 0; q < n_q; ++q, rows += n_own * n_a) {
+        vec gradients[8]; /* [x][i], i of u and of du */
+        for (int x = 0; x < 2; ++x)
+          for (int i = 0; i < 2; ++i) {
+            vec of_u = {0.0}, of_du = {0.0};
+            for (int a = 0; a < n_a; ++a) {
+              of_u += rows[x * n_a + a] * u_ai[2 * (first + a) + i];
+              of_du += rows[x * n_a + a] * du_ai[2 * (first + a) + i];
+            }
+            gradients[4 * x + i] = of_u;
+            gradients[4 * x + 2 + i] = of_du;
+          }
+        limit(&step, gradients);
+      }
+    }
+    for (int v = 0; v < LANES && s0 + v < sides->n_sides; ++v) step_s[s0 + v] = ((double *)&step)[v];
+  }
+  free(u_ai);
   return -1;
 }

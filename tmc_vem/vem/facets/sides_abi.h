@@ -29,6 +29,7 @@ typedef struct {
  *   u_ni          [n_nodes][2]           displacement degrees of freedom
  *   parameters    [n_parameters]         in the declared order
  *   energy_s      [n_sides]              out
+ *   min_j_s       [n_sides]              out: smallest J at the points of all faces
  *   residual_ni   [n_nodes][2]           added to if it is not NULL, which takes level 1
  *   dense_saibj   [n_sides][a][2][b][2]  from level 2; or NULL, then the tangents are added to
  *   values                               those of a matrix in compressed rows, as in tmc_tangents of cells, with
@@ -37,5 +38,11 @@ typedef struct {
  * Returns -1, or -2 if memory ran out.
  */
 int64_t tmc_side_terms(int level, const tmc_sides *sides, const double *u_ni, const double *parameters,
-                       double *energy_s, double *residual_ni, double *dense_saibj, double *values,
+                       double *energy_s, double *min_j_s, double *residual_ni, double *dense_saibj, double *values,
                        const int32_t *position_sab, const int32_t *row_length_n);
+
+/* Largest step s with J(u + t du) > 0 at every point of the faces for all t in [0, s): exact, as J is a quadratic of t.
+ *   step_s        [n_sides]              out: infinity where J stays positive
+ * Returns -1, or -2 if memory ran out.
+ */
+int64_t tmc_side_limits(const tmc_sides *sides, const double *u_ni, const double *du_ni, double *step_s);
