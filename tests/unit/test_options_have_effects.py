@@ -55,6 +55,8 @@ METHOD = [
     (("--method", "fem", "--quadrature", "7"), "settings.fem.quadrature", 7),
     (("--method", "fem", "--interior-penalty", "full"), "settings.fem.interior_penalty", "full"),
     (("--method", "fem", "--eta", "3"), "settings.fem.eta", 3.0),
+    (("--interior-penalty", "penalty"), "settings.element.interior_penalty", "penalty"),
+    (("--eta", "3"), "settings.element.eta", 3.0),
     (("--method", "fem", "--triangles"), "settings.fem.triangles", True),
     (("--checkpoint-every", "5"), "settings.checkpoint_every", 5),
     (("--snapshots", "3"), "settings.snapshots", 3),
@@ -391,7 +393,10 @@ def test_the_list_of_options_is_complete() -> None:
     assert {*IN_MEMORY, *NOT_HERE} == {entry.name for entry in dataclasses.fields(RunOptions)}
 
 
-ELEMENTS: dict[str, Any] = {"order": 3, "degree": 4, "quadrature": 8, "projection": "composite", "rule": "triangles"}
+ELEMENTS: dict[str, tuple[Any, Mapping[str, Any]]] = {
+    "order": (3, {}), "degree": (4, {}), "quadrature": (8, {}), "projection": ("composite", {}),
+    "rule": ("triangles", {}), "interior_penalty": ("penalty", {}), "eta": (5.0, {"interior_penalty": "penalty"}),
+}  # fmt: skip
 FINITE: dict[str, tuple[Any, Mapping[str, Any]]] = {
     "order": (3, {}), "quadrature": (6, {}), "interior_penalty": ("penalty", {}), "triangles": (True, {}),
     "eta": (5.0, {"interior_penalty": "penalty"}),
@@ -413,9 +418,9 @@ def noisy_energy(options: RunOptions) -> tuple[int, float]:
 
 def test_every_option_of_an_element_has_an_effect() -> None:
     assert set(ELEMENTS) == {entry.name for entry in dataclasses.fields(ElementSettings)}
-    plain = noisy_energy(RunOptions())
-    for name, value in ELEMENTS.items():
-        dofs, energy = noisy_energy(RunOptions(element=ElementSettings(**{name: value})))
+    for name, (value, others) in ELEMENTS.items():
+        plain = noisy_energy(RunOptions(element=ElementSettings(**others)))
+        dofs, energy = noisy_energy(RunOptions(element=ElementSettings(**{**others, name: value})))
         assert (dofs != plain[0]) == (name == "order"), name
         assert abs(energy - plain[1]) > 1e-8 * plain[1], name
 

@@ -53,7 +53,7 @@ def element_options() -> list[click.Option]:
             ["--quadrature"], type=int, help=f"Quadrature degree. Default: 2 k (vem), {FemSettings.quadrature} (fem)."
         ),
         penalty_option(),
-        setting(ElementSettings, "eta", after=f"Default: 10 (k - 1) (vem), {FemSettings.eta:g} (fem)."),
+        setting(ElementSettings, "eta"),
         setting(FemSettings, "triangles", before="fem:"),
     ]
 

@@ -70,7 +70,9 @@ class ElementSettings:
     interior_penalty: str = field(default="none", metadata=same_as(FemSettings, "interior_penalty"))
     eta: float | None = field(
         default=None,
-        metadata=about("Factor of the interior penalty, without a unit.", none="10 (k - 1)"),
+        metadata=about(
+            "Factor of the interior penalty, without a unit.", none="10 (k - 1), and 10 for finite elements"
+        ),
     )
 
     def __post_init__(self) -> None:
