@@ -44,6 +44,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
             console.print(escape(f"{mutant.file}:{mutant.line} ({mutant.operator})"), soft_wrap=True, highlight=False)
             console.print(show.difference(mutant), markup=False, soft_wrap=True, highlight=False)
         return 0
+    try:
+        return _run(options, console, faults, known)
+    except KeyboardInterrupt:
+        print("mutants: interrupted", file=sys.stderr)
+        return 130
+
+
+def _run(
+    options: argparse.Namespace, console: Console, faults: Sequence[Mutant], known: Sequence[explained.Explained]
+) -> int:
+    """Judge faults; 0 if few survive."""
     start = time.monotonic()
     results: list[show.Judged] = []
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: tests that run are ended

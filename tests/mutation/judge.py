@@ -64,10 +64,11 @@ class Watch:
     def __call__(self, seconds: float) -> bool:
         """Whether to stop now."""
         self.read()
+        patience = load()
         limit = 3 * self.expected.get(self.started[-1], 0.0) + HANGS if self.started else CAP
-        if self.started and time.time() - self._since > limit:
+        if self.started and time.time() - self._since > patience * limit:
             self.hangs = self.started[-1]
-        self.over = seconds > CAP
+        self.over = seconds > patience * CAP
         return bool(self.hangs) or self.over
 
     def read(self) -> None:
@@ -149,7 +150,7 @@ class Judge:
             return TIMEOUT, watch.hangs
         if ended.code is None:
             done = cost(test for test in tests if test.name in set(watch.started))
-            return (TIMEOUT, last) if ended.seconds > SLOW * done + HANGS else (SURVIVED, "")
+            return (TIMEOUT, last) if ended.seconds > load() * (SLOW * done + HANGS) else (SURVIVED, "")
         if ended.code == 0:
             return SURVIVED, ""
         return KILLED, last if ended.code < 0 else ""  # a crash in a test, or nothing that could be imported
@@ -162,6 +163,11 @@ class Judge:
         if good:
             self._good.update(test.name for test in chosen)
         return good
+
+
+def load() -> float:
+    """How many processes want each core, at least 1: so many times longer may everything take."""
+    return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
 def _link(source: str, target: str) -> None:
