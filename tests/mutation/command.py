@@ -133,10 +133,11 @@ def _measure(workers: Pool, console: Console, *, everything: bool) -> None:
     start = time.monotonic()
     done: list[str] = []
 
-    def measured(file: str, record: Record) -> None:
-        done.append(file)
-        told = f"{len(done):4d}/{len(missing)} measured {len(record.seconds):4d} tests of {file}"
-        console.print(escape(told), soft_wrap=True, highlight=False)
+    def measured(group: Sequence[str], records: Sequence[Record]) -> None:
+        for file, record in zip(group, records, strict=True):
+            done.append(file)
+            told = f"{len(done):4d}/{len(missing)} measured {len(record.seconds):4d} tests of {file}"
+            console.print(escape(told), soft_wrap=True, highlight=False)
 
     workers.measure(missing, measured)
     console.print(f"measured in {(time.monotonic() - start) / 60:.0f} minutes")

@@ -10,7 +10,7 @@ import hashlib
 import json
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -40,7 +40,7 @@ class Record:
 
     Attributes:
         hash: of its text.
-        seconds: duration of each test that passed, by name, without wide fixtures.
+        seconds: of processors, for each test that passed, by name, without wide fixtures.
         fixtures: seconds that wide fixtures of each test take, by name of the test and of the fixture.
         sources: hash of each source.
         lines: by test and source, a hexadecimal number in which bit n is set if line n was executed.
@@ -92,8 +92,8 @@ def stale(root: Path, files: Iterable[str]) -> list[str]:
     ]
 
 
-def measure(tree: Tree, test_file: str) -> Record:
-    """Run a test file under coverage and record it."""
+def measure(tree: Tree, files: Sequence[str]) -> list[Record]:
+    """Run test files under coverage in one process and record each."""
     with tempfile.TemporaryDirectory(prefix="measure-") as scratch:
         folder = Path(scratch)
         log, configuration = folder / "log", folder / "coveragerc"
@@ -101,7 +101,7 @@ def measure(tree: Tree, test_file: str) -> Record:
         sources = "\n    ".join(str(tree.path / package) for package in PACKAGES)
         configuration.write_text(_CONFIGURATION.format(data=folder / "data", test=plugin.TEST, sources=sources))
         variables = {"COVERAGE_PROCESS_START": str(configuration), plugin.LOG: str(log), plugin.TEST: ""}
-        tree.run(["-m", "pytest", *EVERYDAY, test_file], variables=variables, stop=lambda seconds: seconds > LONGEST)
+        tree.run(["-m", "pytest", *EVERYDAY, *files], variables=variables, stop=lambda seconds: seconds > LONGEST)
         seconds, fixtures, users = _read_log(log)
         contexts = _read_data(sorted(folder.glob("data.*")), tree.path)
     lines: dict[str, dict[str, int]] = {test: {} for test in seconds}
@@ -110,16 +110,20 @@ def measure(tree: Tree, test_file: str) -> Record:
             for source, bits in executed.items():
                 if test in lines:
                     lines[test][source] = lines[test].get(source, 0) | bits
-    names = {source for executed in lines.values() for source in executed}
-    record = Record(
-        hash=digest((tree.path / test_file).read_text()),
-        seconds=seconds,
-        fixtures={test: used for test, used in fixtures.items() if test in seconds},
-        sources={name: _keep(tree.path / name) for name in sorted(names)},
-        lines={test: {name: f"{bits:x}" for name, bits in executed.items()} for test, executed in lines.items()},
-    )
-    record.write(record_path(test_file))
-    return record
+    records = []
+    for file in files:
+        own = [test for test in seconds if test.partition("::")[0] == file]
+        names = {source for test in own for source in lines[test]}
+        record = Record(
+            hash=digest((tree.path / file).read_text()),
+            seconds={test: seconds[test] for test in own},
+            fixtures={test: fixtures[test] for test in own},
+            sources={name: _keep(tree.path / name) for name in sorted(names)},
+            lines={test: {name: f"{bits:x}" for name, bits in lines[test].items()} for test in own},
+        )
+        record.write(record_path(file))
+        records.append(record)
+    return records
 
 
 def _read_log(log: Path) -> tuple[dict[str, float], dict[str, dict[str, float]], dict[str, list[str]]]:
@@ -139,10 +143,10 @@ def _read_log(log: Path) -> tuple[dict[str, float], dict[str, dict[str, float]],
                 fixtures[test] = {name: made[name] for name in event["fixtures"] if name in made}
             case "fixture":
                 seconds[test] -= event["seconds"]
-            case _:
+            case "end":
                 seconds[test] += event["seconds"]
-                if event["outcome"] != "passed":
-                    failed.add(test)
+            case _ if event["outcome"] != "passed":
+                failed.add(test)
     kept = {test: round(max(value, 0.0), 4) for test, value in seconds.items() if test not in failed and test}
     return kept, fixtures, users
 

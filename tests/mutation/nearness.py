@@ -30,7 +30,7 @@ class Measured:
 
     Attributes:
         name: pytest's.
-        seconds: its duration under coverage, without wide fixtures.
+        seconds: of processors that it takes under coverage, without wide fixtures.
         fixtures: seconds of the wide fixtures that it uses, by name.
         lines: executed lines by source, as bits.
         record: of its file.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import tempfile
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -17,6 +17,7 @@ from mutation.nearness import Nearness
 from mutation.site import Mutant
 from mutation.trees import STORE, Tree
 
+TOGETHER = 20_000  # characters of test files that are measured in one process
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
@@ -34,10 +35,17 @@ class Pool:
         self.root = Tree.of(root, folder / "root", STORE / "cache" / "root").path  # nobody changes this one
         self._trees = [Tree.of(root, folder / f"tree{n}", STORE / "cache" / str(n)) for n in range(workers)]
 
-    def measure(self, files: Iterable[str], done: Callable[[str, Record], None]) -> None:
-        """Measure test files, the largest first."""
-        ordered = sorted(files, key=lambda file: -(self.root / file).stat().st_size)
-        self._share([partial(measure, tree) for tree in self._trees], ordered, done)
+    def measure(self, files: Iterable[str], done: Callable[[Sequence[str], list[Record]], None]) -> None:
+        """Measure test files, the largest first, some small ones in one process."""
+        groups: list[list[str]] = []
+        room = 0
+        for file in sorted(files, key=lambda file: -(self.root / file).stat().st_size):
+            room -= (self.root / file).stat().st_size
+            if room < 0:
+                groups.append([])
+                room = TOGETHER - (self.root / file).stat().st_size
+            groups[-1].append(file)
+        self._share([partial(measure, tree) for tree in self._trees], groups, done)
 
     def judge(self, faults: Iterable[Mutant], nearness: Nearness, done: Callable[[Mutant, Outcome], None]) -> None:
         """Judge faults."""

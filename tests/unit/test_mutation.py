@@ -245,7 +245,7 @@ def fault(after: str) -> Mutant:
 def test_a_strong_test_kills_and_a_weak_one_does_not(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     tests = ["tests/unit/test_x.py"]
     assert measure.stale(tree.path, tests) == tests
-    record = measure.measure(tree, tests[0])
+    (record,) = measure.measure(tree, tests)
     assert measure.stale(tree.path, tests) == []
     assert len(record.seconds) == 3
     assert set(record.fixtures["tests/unit/test_x.py::test_weak"]) == {"product"}
@@ -277,7 +277,7 @@ def test_a_strong_test_kills_and_a_weak_one_does_not(tree: Tree, monkeypatch: py
 
 
 def test_a_test_that_fails_anyway_does_not_count(tree: Tree) -> None:
-    measure.measure(tree, "tests/unit/test_x.py")
+    measure.measure(tree, ["tests/unit/test_x.py"])
     nearness = Nearness(tree.path, ["tests/unit/test_x.py"])
     (tree.path / "tests/unit/test_x.py").write_text(TESTS.replace("== 2", "== 3"))
     outcome = Judge(tree, nearness, set()).judge(fault("return a + b"))
