@@ -62,12 +62,12 @@ def gradient_by_definition(polygon, k):
         constraints.append(entries)
         targets.append(trace)
     barycentric, weights = triangle(2 * k + 2)
-    stiffness = np.zeros((n_t, n_m, n_t, n_m))
+    root = np.zeros((n_t, 2 * len(weights), n_t, n_m))  # of the stiffness, which would square the condition
     moments = []
     for t, corner in enumerate(corners):
         points, (u, v) = barycentric @ corner, corner[1:] - corner[0]
         w = weights * 0.5 * (u[0] * v[1] - u[1] * v[0])
-        stiffness[t, :, t] = np.einsum("q,qxm,qxn->mn", w, slopes(points), slopes(points))
+        root[t, :, t] = (np.sqrt(w)[:, None, None] * slopes(points)).reshape(-1, n_m)
         moments.append(monomials.values(k - 1, points[None])[0].T @ (w[:, None] * values(points)))
     constraints.append(np.concatenate(moments, axis=1))
     targets.append(moments_of_basis(shapes.geometry, k, k - 1, shapes.elliptic_cad)[0])
@@ -76,8 +76,8 @@ def gradient_by_definition(polygon, k):
     rank = int((singular > 1e-9 * singular[0]).sum())
     known = right[:rank].T @ ((left[:, :rank].T @ d) / singular[:rank, None])
     assert C @ known == pytest.approx(d, abs=1e-10)  # the constraints can be met
-    free, K = right[rank:].T, stiffness.reshape(n_t * n_m, -1)
-    coefficients = known - free @ np.linalg.solve(free.T @ K @ free, free.T @ (K @ known))
+    free, S = right[rank:].T, root.reshape(-1, n_t * n_m)
+    coefficients = known - free @ np.linalg.lstsq(S @ free, S @ known, rcond=None)[0]
     coefficients = coefficients.reshape(n_t, n_m, -1)
     return np.stack([slopes(BARYCENTRIC @ corner) @ c for corner, c in zip(corners, coefficients, strict=True)])
 

@@ -12,8 +12,8 @@ from helpers_oracle import integrate_polygon, powers
 
 from tmc_vem.mesh.geometry import areas
 from tmc_vem.vem.spaces import monomials
+from tmc_vem.vem.spaces.delaunay import delaunay_pieces, ear_clipping
 from tmc_vem.vem.spaces.quadrature import (
-    ear_clipping,
     fan,
     gauss,
     gauss_lobatto,
@@ -87,7 +87,7 @@ def test_polygon_rules_are_exact(name, degree):
 @pytest.mark.parametrize("name", ALL_SHAPES)
 def test_ear_clipping_partitions_any_polygon(name):
     polygon = ALL_SHAPES[name]
-    triangles = ear_clipping(polygon)
+    triangles = polygon[np.array(ear_clipping(polygon))]
     assert triangles.shape == (len(polygon) - 2, 3, 2)
     assert_partition(polygon, triangles)
 
@@ -95,8 +95,14 @@ def test_ear_clipping_partitions_any_polygon(name):
 def test_only_polygons_that_are_not_star_shaped_need_ear_clipping():
     polygons = np.stack([SHAPES["U"], SHAPES["square, hanging node on every edge"]])
     found = {cells.tolist()[0]: triangles.shape[1] for cells, triangles in sub_triangles(polygons)}
-    assert found == {0: 6, 1: 8}  # n - 2 ears; n sides of a fan
+    assert found == {0: 8, 1: 8}  # two in each arm and four about a hub between them; n sides of a fan
     assert_partition(polygons[1], fan(polygons[1:])[0])
+
+
+def test_pieces_of_a_u_are_triangles_and_the_trapezoid_on_a_circle():
+    pieces = sorted(sorted(piece) for piece in delaunay_pieces(SHAPES["U"]))
+    assert pieces == [[0, 1, 4, 5], [0, 5, 7], [1, 2, 4], [2, 3, 4], [5, 6, 7]]
+    assert [sorted(piece) for piece in delaunay_pieces(SHAPES["square"])] == [[0, 1, 2, 3]]
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -115,7 +121,9 @@ def test_ear_clipping_of_random_polygons_with_collinear_vertices(seed):
             for c, d, p in zip(corners, np.roll(corners, -1, 0), parts, strict=True)
         ]
     )
-    assert_partition(polygon, ear_clipping(polygon), check_inside=False)
+    assert_partition(polygon, polygon[np.array(ear_clipping(polygon))], check_inside=False)
+    ((_, triangles),) = sub_triangles(polygon[None])
+    assert_partition(polygon, triangles[0], check_inside=False)
 
 
 def assert_partition(polygon, triangles, check_inside=True):

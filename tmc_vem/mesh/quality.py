@@ -23,7 +23,7 @@ class Quality:
         aspect_c: (n_cells,) square root of the ratio of the principal moments of inertia of the vertices, 1 for regular
             polygons.
         convex_c, star_shaped_c: (n_cells,) whether the cell is convex (straight angles allowed), and star-shaped about
-            its centroid; where it is not, it is integrated over an ear-clipping triangulation.
+            its centroid; where it is not, it is integrated over its triangles of Delaunay.
     """
 
     area_c: Float

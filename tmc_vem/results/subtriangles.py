@@ -86,7 +86,7 @@ def _cut(
         corners_cvx: vertices of the cells.
         rings: (n_cells, n_sides * order) nodes around them.
         triangles_ctpx: their sub-triangles.
-        corners_tp: the vertices at the corners of these, the same in all cells; n_sides stands for the hub of a fan.
+        corners_tp: the vertices at the corners of these, the same in all cells; numbers from n_sides on stand for hubs.
         order: nodes on a side, the first vertex included.
     """
     n_cells, n_sides = corners_cvx.shape[:2]

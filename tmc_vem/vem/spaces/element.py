@@ -151,11 +151,13 @@ def congruence_classes(polygons_cvx: Float) -> tuple[Int, Int]:
 def _alike(polygons_cvx: Float) -> Iterator[Int]:
     """Cells (n,) that take the same kind of sub-triangles and of quadrature rule."""
     star = star_shaped(polygons_cvx)
+    others = np.flatnonzero(~star)
     # for quadrilaterals the rule depends on convexity, and must not depend on what else is on a rank
     kind = convex(polygons_cvx) if polygons_cvx.shape[1] == 4 else np.ones(len(star), dtype=bool)
-    for chosen in (star & kind, star & ~kind, ~star & kind, ~star & ~kind):
-        if chosen.any():
-            yield np.flatnonzero(chosen)
+    for alike in (np.flatnonzero(star), *(others[chosen] for chosen, _ in sub_triangles(polygons_cvx[others]))):
+        for chosen in (alike[kind[alike]], alike[~kind[alike]]):
+            if len(chosen):
+                yield chosen
 
 
 def _choose_space(

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.mesh.geometry import areas, centroids, diameters, star_shaped_about
+from tmc_vem.mesh.geometry import centroids, star_shaped_about
+from tmc_vem.vem.spaces.delaunay import delaunay_pieces
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-# A triangle is flat if its area is below this fraction of its longest side squared.
-FLAT = 1e-12
-# A vertex this close to a diagonal, as a fraction of the diagonal's length, lies on it.
-ON_DIAGONAL = 1e-6
+# Up to this degree the rules on triangles are symmetric in all corners, above it in the last two only.
+SYMMETRIC = 6
 
 
 @cache
@@ -44,8 +44,9 @@ def gauss_lobatto(n_points: int) -> tuple[Float, Float]:
 def triangle(degree: int) -> tuple[Float, Float]:
     """Barycentric points (n, 3) and weights (n,) of sum 1 on a triangle, exact to ``degree``; all weights positive.
 
-    Degrees up to 5 use the symmetric rules of Strang and Fix (6 points) and Radon (7 points), in closed form; higher
-    degrees the product of Gauss and Gauss-Jacobi rules in collapsed coordinates.
+    Degrees up to 6 use symmetric rules: of Strang and Fix (6 points) and Radon (7 points) in closed form, and of
+    Dunavant (12 points; IJNME 21 (1985) 1129). Higher degrees use the product of Gauss and Gauss-Jacobi rules in
+    coordinates that collapse at the first corner, so that the order of the other two does not matter.
     """
     if degree <= 1:
         return np.full((1, 3), 1 / 3), np.ones(1)
@@ -63,6 +64,13 @@ def triangle(degree: int) -> tuple[Float, Float]:
             [((6 - sqrt15) / 21, (155 - sqrt15) / 1200), ((6 + sqrt15) / 21, (155 + sqrt15) / 1200)]
         )
         return np.vstack([np.full((1, 3), 1 / 3), points]), np.concatenate([[9 / 40], weights])
+    if degree == SYMMETRIC:
+        points, weights = _orbits(
+            [(0.24928674517091042, 0.11678627572637937), (0.063089014491502228, 0.050844906370206817)]
+        )
+        a, b = 0.053145049844816947, 0.31035245103378440
+        more = np.array(list(permutations((a, b, 1 - a - b))))
+        return np.vstack([points, more]), np.concatenate([weights, np.full(6, 0.082851075618373575)])
     return _collapsed(degree)
 
 
@@ -82,73 +90,13 @@ def _collapsed(degree: int) -> tuple[Float, Float]:
     first, second = np.meshgrid(s, t, indexing="ij")
     x, y = (first * (1.0 - second)).ravel(), second.ravel()
     weights = np.outer(w_s, w_t).ravel()
-    return np.stack([1.0 - x - y, x, y], axis=1), weights / weights.sum()
+    return np.stack([y, 1.0 - x - y, x], axis=1), weights / weights.sum()
 
 
 def fan(polygons_cvx: Float) -> Float:
     """Triangles (n_cells, n_sides, 3, 2) from the centroid to the sides, for polygons star-shaped about it."""
     center = np.broadcast_to(centroids(polygons_cvx)[:, None], polygons_cvx.shape)
     return np.stack([center, polygons_cvx, np.roll(polygons_cvx, -1, axis=1)], axis=2)
-
-
-def ear_clipping(polygon_vx: Float) -> Float:
-    """Triangles (n_sides - 2, 3, 2) of any simple counter-clockwise polygon.
-
-    At every step the ear with the largest smallest angle (by area over squared longest side) is cut off, which keeps
-    triangles away from degenerate; ears of collinear points come last.
-
-    Raises:
-        ValueError: no ear is left, which a simple polygon cannot have.
-    """
-    remaining = list(range(len(polygon_vx)))
-    triangles = []
-    while len(remaining) > 3:
-        best = _best_ear(polygon_vx, remaining, ON_DIAGONAL)
-        if best < 0:
-            best = _best_ear(polygon_vx, remaining, FLAT)
-        if best < 0:  # nothing but collinear vertices may be left, and they enclose no area
-            rest = polygon_vx[remaining]
-            if abs(areas(rest[None])[0]) > FLAT * diameters(rest[None])[0] ** 2:
-                raise ValueError("ear clipping found no ear: the polygon is not simple")
-            best = 0
-        triangles.append([remaining[best - 1], remaining[best], remaining[(best + 1) % len(remaining)]])
-        del remaining[best]
-    triangles.append(remaining)
-    corners_tpx: Float = polygon_vx[np.array(triangles)]
-    return corners_tpx
-
-
-def _best_ear(points: Float, remaining: list[int], tolerance: float) -> int:
-    """Place in the list of the ear with the largest quality that no other vertex lies in; -1 if there is none."""
-    best, best_quality = -1, 0.0
-    for n in range(len(remaining)):
-        a, b, c = (points[remaining[(n + d) % len(remaining)]] for d in (-1, 0, 1))
-        quality = _triangle_quality(a, b, c)
-        if quality > best_quality and not _contains_any(points, remaining, n, tolerance):
-            best, best_quality = n, quality
-    return best
-
-
-def _triangle_quality(a: Float, b: Float, c: Float) -> float:
-    area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-    longest = max(np.dot(b - a, b - a), np.dot(c - b, c - b), np.dot(a - c, a - c))
-    return float(area / longest) if area > FLAT * longest else 0.0
-
-
-def _contains_any(points: Float, remaining: list[int], ear: int, tolerance: float) -> bool:
-    """Whether the closed triangle of an ear contains another remaining vertex, apart from its own corners.
-
-    A vertex as good as on the diagonal counts as inside, whatever rounding makes of it: else the next ear there would
-    have no area.
-    """
-    corners = [remaining[ear - 1], remaining[ear], remaining[(ear + 1) % len(remaining)]]
-    others = points[[v for v in remaining if v not in corners]]
-    a, b, c = points[corners]
-    inside = np.ones(len(others), dtype=bool)
-    for p, q in ((a, b), (b, c), (c, a)):
-        twice_area = (q[0] - p[0]) * (others[:, 1] - p[1]) - (q[1] - p[1]) * (others[:, 0] - p[0])
-        inside &= twice_area >= -tolerance * np.dot(q - p, q - p)
-    return bool(inside.any())
 
 
 def star_shaped(polygons_cvx: Float) -> NDArray[np.bool_]:
@@ -159,20 +107,43 @@ def star_shaped(polygons_cvx: Float) -> NDArray[np.bool_]:
 def sub_triangles(polygons_cvx: Float) -> list[tuple[Int, Float]]:
     """Sub-triangulations: pairs of cells (n,) and their triangles (n, n_triangles, 3, 2).
 
-    Polygons that are star-shaped about their centroid are fanned from it; the others are triangulated by ear clipping.
+    Polygons that are star-shaped about their centroid are fanned from it; the others get the triangles of Delaunay.
+    Both depend on the shape alone, not on how it is turned, reflected or numbered.
     """
     star = star_shaped(polygons_cvx)
     groups = []
     if star.any():
         groups.append((np.flatnonzero(star), fan(polygons_cvx[star])))
-    if not star.all():
-        others = np.flatnonzero(~star)
-        groups.append((others, np.stack([ear_clipping(polygons_cvx[c]) for c in others])))
+    others = np.flatnonzero(~star)
+    triangulated = [_delaunay(polygons_cvx[c]) for c in others]
+    sizes = np.array([len(triangles) for triangles in triangulated])
+    for size in np.unique(sizes).tolist():
+        chosen = np.flatnonzero(sizes == size)
+        groups.append((others[chosen], np.stack([triangulated[n] for n in chosen])))
     return groups
 
 
+def _delaunay(polygon_vx: Float) -> Float:
+    """Triangles (n, 3, 2) of a simple polygon; vertices on one circle are fanned from the centroid of their polygon."""
+    pieces = [polygon_vx[piece] for piece in delaunay_pieces(polygon_vx)]
+    corners_tpx: Float = np.concatenate([p[None] if len(p) == 3 else fan(p[None])[0] for p in pieces])
+    return corners_tpx
+
+
+def is_fan(triangles_ctpx: Float) -> bool:
+    """Whether the first corner of all triangles is the hub of a closed fan, in every cell."""
+    hub, second, third = np.moveaxis(triangles_ctpx, 2, 0)
+    return bool((hub == hub[:, :1]).all() and (third == np.roll(second, -1, axis=1)).all())
+
+
 def on_triangles(triangles_ctpx: Float, degree: int) -> tuple[Float, Float]:
-    """Points (n_cells, n_points, 2) and weights (n_cells, n_points) over the triangles of each cell."""
+    """Points (n_cells, n_points, 2) and weights (n_cells, n_points) over the triangles of each cell.
+
+    Where the rule singles out a corner, and the triangles have no hub, each of them is cut into three at its centroid.
+    """
+    if degree > SYMMETRIC and not is_fan(triangles_ctpx):
+        n_cells, n_triangles = triangles_ctpx.shape[:2]
+        triangles_ctpx = fan(triangles_ctpx.reshape(-1, 3, 2)).reshape(n_cells, 3 * n_triangles, 3, 2)
     barycentric, weights = triangle(degree)
     points = barycentric @ triangles_ctpx
     edge1, edge2 = triangles_ctpx[:, :, 1] - triangles_ctpx[:, :, 0], triangles_ctpx[:, :, 2] - triangles_ctpx[:, :, 0]

@@ -45,6 +45,9 @@ def on_sub_triangles(triangles_stpx: Float, degree: int) -> CellRule:
 def compressed(polygons_svx: Float, triangles_stpx: Float, degree: int) -> CellRule:
     """Rule for polynomials on the whole polygon.
 
+    On more than four sides, and on quadrilaterals that are not convex, it depends on the numbering which points are
+    kept.
+
     Args:
         polygons_svx: all triangles, all convex quadrilaterals, or anything else.
         triangles_stpx: their sub-triangles.
@@ -52,7 +55,7 @@ def compressed(polygons_svx: Float, triangles_stpx: Float, degree: int) -> CellR
     """
     n_sides = polygons_svx.shape[1]
     if n_sides == 3:
-        points, weights = on_triangles(polygons_svx[:, None], degree)
+        points, weights = on_triangles(polygons_svx[:, None], degree)  # symmetric in the corners for any degree
     elif n_sides == 4 and convex(polygons_svx).all():
         points, weights = _product_rule(polygons_svx, (degree + 3) // 2)
     else:

@@ -8,6 +8,8 @@ either.
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -114,14 +116,39 @@ def stabilised_tangent(geometry: PolygonGeometry, elliptic_sad: Float, k: int) -
     """Elastic tangent of the virtual element with Pi0_(k-1) grad and the diagonal recipe for the stabilisation.
 
     The recipe, ``sum_i max(1, K_ii) dof_i(v - Pi v)^2``, is that of Beirao da Veiga, Dassi & Russo (2017) for high k.
+    ``K_ii`` is the mean over everything that rotations mix, see :func:`_diagonal`, so that the eigenvalues do not
+    depend on how a cell is turned or reflected.
     """
     gradient = np.stack(gradient_projector(geometry, k, k - 1, elliptic_sad))
     mass = geometry.mass(k - 1) * geometry.diameter_c[:, None, None] ** 2
     reference = elastic_tangent(gradient, mass @ gradient)
     remainder = np.eye(elliptic_sad.shape[2]) - dofs_of_monomials(geometry, k) @ elliptic_sad
     n_basis = len(remainder[0])
-    weight = np.maximum(1.0, np.einsum("caa->ca", reference)[:, :n_basis])
+    binomial = _binomials(n_basis, k)
+    weight = np.maximum(1.0, _diagonal(reference, binomial, k)) * binomial
     stabilisation = np.swapaxes(remainder, 1, 2) @ (weight[:, :, None] * remainder)
     reference[:, :n_basis, :n_basis] += stabilisation
     reference[:, n_basis:, n_basis:] += stabilisation
     return reference
+
+
+def _diagonal(tangent_sab: Float, binomial_a: Float, k: int) -> Float:
+    """Diagonal (n_shapes, n_basis) of a tangent, the mean of both components and of all moments of one degree.
+
+    Rotations mix the components, and the moments of one degree. With ``m_a = xi^(d - b) eta^b``, the squares of the
+    moments times the binomials of d and b add up to an invariant, as do the K_aa divided by them.
+    """
+    n_basis = len(binomial_a)
+    both = np.einsum("caa->ca", tangent_sab).reshape(-1, 2, n_basis)
+    diagonal: Float = both.mean(axis=1) / binomial_a
+    first = n_basis - monomials.dimension(k - 2)
+    for d in range(k - 1):
+        alike = slice(first + monomials.dimension(d - 1), first + monomials.dimension(d))
+        diagonal[:, alike] = diagonal[:, alike].mean(axis=1, keepdims=True)
+    return diagonal
+
+
+def _binomials(n_basis: int, k: int) -> Float:
+    """(n_basis,) 1 for values, and for the moment with ``xi^a eta^b`` the number of ways to order its factors."""
+    powers = monomials.exponents(k - 2).tolist()
+    return np.concatenate([np.ones(n_basis - len(powers)), [float(comb(a + b, b)) for a, b in powers]])

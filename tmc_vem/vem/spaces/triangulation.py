@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.vem.spaces import monomials
 from tmc_vem.vem.spaces.projector import edge_basis
+from tmc_vem.vem.spaces.quadrature import is_fan
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -22,16 +23,22 @@ Int = NDArray[np.int64]
 def equal_topologies(polygons_cvx: Float, triangles_ctpx: Float) -> list[tuple[Int, Int]]:
     """Pairs of cells (n,) and the vertices (n_triangles, 3) at the corners of their sub-triangles, the same in all.
 
-    n_sides stands for the hub of a fan.
+    Numbers from n_sides on stand for hubs, which are inside.
     """
     n_cells, n_sides = polygons_cvx.shape[:2]
-    if triangles_ctpx.shape[1] == n_sides:  # clipped ears are two less
+    if is_fan(triangles_ctpx):
         first = np.arange(n_sides)
         return [(np.arange(n_cells), np.stack([np.full(n_sides, n_sides), first, (first + 1) % n_sides], axis=1))]
-    distance = np.abs(triangles_ctpx[:, :, :, None] - polygons_cvx[:, None, None]).max(axis=-1)
-    flat = distance.argmin(axis=-1).reshape(n_cells, -1)
+    flat = np.stack([_corner_numbers(*cell) for cell in zip(polygons_cvx, triangles_ctpx, strict=True)])
     kinds, kind_of = np.unique(flat, axis=0, return_inverse=True)
     return [(np.flatnonzero(kind_of.reshape(-1) == n), kind.reshape(-1, 3)) for n, kind in enumerate(kinds)]
+
+
+def _corner_numbers(polygon_vx: Float, triangles_tpx: Float) -> Int:
+    """(n_triangles * 3,) numbers of the corners of a cell's triangles: its vertices, then hubs as they come."""
+    numbers = {tuple(point): n for n, point in enumerate(polygon_vx.tolist())}
+    corners = triangles_tpx.reshape(-1, 2).tolist()
+    return np.array([numbers.setdefault(tuple(corner), len(numbers)) for corner in corners])
 
 
 def sides_of(corners_tp: Int) -> dict[tuple[int, int], list[tuple[int, int]]]:
