@@ -118,7 +118,7 @@ def extension(hanging: int, name: str) -> list[float]:
         name: of ``SPACES``.
     """
     polygon = subdivide(SQUARE, [hanging + 1, 1, 1, 1])
-    spectrum, modes = np.linalg.eigh(_best_extension(polygon))
+    spectrum, modes = np.linalg.eigh(_best_extension(hanging))
     scaled = modes[:, 3:] / np.sqrt(spectrum[3:])
     ((_, triangles),) = sub_triangles(polygon[None])
     space = SPACES[name]
@@ -143,9 +143,11 @@ def _isotropic(gradient_qxa: Float, w_q: Float, K: float = 20.0, mu: float = 10.
     return np.block([[upper, mixed], [mixed.T, lower]])
 
 
-def _best_extension(polygon: Float, n: int = 16) -> Float:
-    """Energy (4 n_sides, 4 n_sides) of boundary values of degree 2 on the sides of a subdivided unit square, extended
-    with n x n biquadratic elements."""
+@cache
+def _best_extension(hanging: int, n: int = 16) -> Float:
+    """Energy (4 n_sides, 4 n_sides) of boundary values of degree 2 on the sides of a unit square with hanging nodes on
+    one of them, extended with n x n biquadratic elements."""
+    polygon = subdivide(SQUARE, [hanging + 1, 1, 1, 1])
     size = 2 * n + 1
     values, slopes = (np.stack(f) for f in (_quadratic(gauss(4)[0]), _quadratic_slopes(gauss(4)[0])))
     rows = np.stack([np.einsum("iq,jp->qpji", slopes, values), np.einsum("iq,jp->qpji", values, slopes)]) * n

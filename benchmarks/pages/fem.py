@@ -36,7 +36,7 @@ def linear(measure: Measure) -> str:
         for element, triangles in ELEMENTS.items():
             errors = np.array([measure(studies.linear_errors, n, mode, triangles) for n in LINEAR_CELLS])
             rates = np.log2(errors[-2] / errors[-1]) + 0.0
-            cells = [f"{natural:.2e} / {gradient:.2e}" for natural, gradient in errors]
+            cells = [f"{natural:#.3g} / {gradient:#.3g}" for natural, gradient in errors]
             rows.append([mode, element, *cells, " / ".join(f"{round(rate, 2) + 0.0:.2f}" for rate in rates)])
     return table(("second gradient", "element", *(f"{n} x {n}" for n in LINEAR_CELLS), "last rate"), rows)
 

@@ -86,8 +86,8 @@ def units(measure: Measure) -> str:
     change = percent(small["gap"] / right["gap"] - 1, 1)
     return (
         "The same body in Pa instead of MPa needs an `alpha_r` that is 10^6 times larger. With the old number the gap "
-        f"of the box (`--alpha-r 1e-6` in place of 1) changes by {change}; in the other direction (`--alpha-r 1e6`) it is "
-        f"{large['gap']:.2f} instead of {right['gap']:.1e}."
+        f"of the box (`--alpha-r 1e-6` in place of 1) changes by {change}; in the other direction (`--alpha-r 1e6`) it "
+        f"is {large['gap']:.2f} instead of {right['gap']:.1e}."
     )
 
 

@@ -117,6 +117,6 @@ def quadrature(measure: Measure) -> str:
 BLOCKS = (
     Block("solver-strategies", "minutes", strategies),
     Block("solver-hard", "minutes", hard),
-    Block("solver-reuse", "seconds", reuse),
+    Block("solver-reuse", "minutes", reuse),
     Block("quadrature", "minutes", quadrature),
 )
