@@ -4,6 +4,9 @@ PYTHON := .venv/bin/python
 export OMP_NUM_THREADS := 1
 # processes that share the test files; the tests under mpirun start more
 WORKERS ?= 2
+# sample of 'make mutants'
+SEED ?= 1
+N ?= 100
 # Open MPI refuses root and more ranks than cores unless told otherwise, and ranks that wait take a core; the tests do all.
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
@@ -11,7 +14,8 @@ export OMPI_MCA_rmaps_base_oversubscribe := 1
 export OMPI_MCA_mpi_yield_when_idle := 1
 export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 
-.PHONY: demo test test-slow test-paper test-trixie lint format bench bench-page numbers golden docs pictures linkcheck setup clean
+.PHONY: demo test test-slow test-paper test-trixie lint format bench bench-page numbers golden mutants docs pictures linkcheck setup \
+  clean
 
 demo: .venv/.ready ## solve the box; show gap, picture and where the report is
 	$(PYTHON) demos/demo_box.py
@@ -48,6 +52,9 @@ numbers: .venv/.ready ## all numbers of results in README and docs anew from run
 
 golden: .venv/.ready ## write the golden C files anew
 	$(PYTHON) tests/golden/update.py
+
+mutants: .venv/.ready ## N small faults in the sources, each against the tests near it; an hour, docs/mutation.md
+	scripts/mutants --seed $(SEED) --number $(N) --workers $(WORKERS)
 
 docs: .venv/.ready ## the site into build/docs/html; a warning is an error
 	.venv/bin/sphinx-build -q -W --keep-going -d build/docs/cache -b html docs build/docs/html

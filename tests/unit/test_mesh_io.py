@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from tmc_vem.mesh import PolygonMesh, Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.check import find_faults
 from tmc_vem.mesh.files.io import FORMATS, read_mesh, write_mesh
+from tmc_vem.mesh.files.msh import TYPES
 from tmc_vem.mesh.make.outline import Region
 from tmc_vem.mesh.make.repair import repair
 from tmc_vem.mesh.make.triangles import triangle_mesh
@@ -91,6 +92,24 @@ def test_gmsh_model_with_physical_groups(tmp_path):
     assert not find_faults(mesh)
     assert np.abs(mesh.points_vx[mesh.named_edges["low"]][..., 1]).max() < 1e-12
     assert np.ptp(mesh.points_vx[mesh.named_edges["low"]][..., 0]) == pytest.approx(1.0)
+
+
+def test_types_of_elements_are_those_of_gmsh():
+    """Dimension, corners and nodes of every type in the table; all lines and plane cells that gmsh knows are in it."""
+    import gmsh
+
+    gmsh.initialize([])
+    try:
+        for number, (dimension, corners, nodes) in TYPES.items():
+            name, *found = gmsh.model.mesh.getElementProperties(number)
+            assert (found[0], found[4], found[2]) == (dimension, corners, nodes), name
+        for family in ("Line", "Triangle", "Quadrangle"):
+            known = {
+                gmsh.model.mesh.getElementType(family, k, inside) for k in range(1, 11) for inside in (False, True)
+            }
+            assert known <= TYPES.keys(), family
+    finally:
+        gmsh.finalize()
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,11 @@ import pytest
 from matplotlib import colormaps
 from PIL import Image
 
+from tmc_vem.problems import Box
 from tmc_vem.report.canvas import Canvas, ticks
 from tmc_vem.report.figures import ABOVE, BELOW, DPI, LEFT, WIDTH, border_lines, draw_deformed
+from tmc_vem.report.panels import draw_panels
+from tmc_vem.report.problem_figure import draw_problem
 from tmc_vem.system.fields import Fields, Polygons
 
 VIRIDIS = colormaps["viridis"](np.linspace(0.0, 1.0, 256))[:, :3]
@@ -90,6 +93,31 @@ def test_ticks_are_round_numbers(low: float, high: float, labels: list[str]) -> 
     assert all(low - 1e-9 * abs(low) <= value <= high + 1e-9 * abs(high) for value, _ in found)
     for value, label in found:
         assert float(label.replace("−", "-")) == pytest.approx(value, rel=1e-12)
+
+
+def test_panels_show_all_of_every_state_to_one_scale() -> None:
+    """Also of the larger one beside a small one, moved far out of its place."""
+    low, wide = squares(2, [0, 1], [0.0, 3.0]), squares(9, [0] * 9, [-1.0] * 9)
+    figure = draw_panels([("low", low), ("wide", wide)])
+    figure.canvas.draw()
+    scales = []
+    for axes, fields in zip(figure.axes, (low, wide), strict=False):
+        points = fields.polygons.points_nx + fields.displacement_ni
+        for (first, last), values in zip((axes.get_xlim(), axes.get_ylim()), points.T, strict=True):
+            assert first < values.min()
+            assert values.max() < last
+        box = axes.get_window_extent()
+        scales += [box.width / np.diff(axes.get_xlim())[0], box.height / np.diff(axes.get_ylim())[0]]
+    assert scales == pytest.approx([scales[0]] * 4)
+
+
+def test_a_picture_of_a_problem_shows_all_of_it_with_a_margin() -> None:
+    box = Box(cells=(20, 5))
+    mesh = box.make_mesh()
+    (axes,) = draw_problem(mesh, ["medium"], box.prescribed(), box.load(), box.probes()).axes
+    low, high, extent = mesh.points_vx.min(axis=0), mesh.points_vx.max(axis=0), np.ptp(mesh.points_vx, axis=0)
+    for axis, limits in enumerate((axes.get_xlim(), axes.get_ylim())):
+        assert 0.02 * extent.max() < low[axis] - limits[0] == pytest.approx(limits[1] - high[axis])
 
 
 def test_a_picture_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
