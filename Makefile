@@ -14,7 +14,7 @@ export OMPI_MCA_rmaps_base_oversubscribe := 1
 export OMPI_MCA_mpi_yield_when_idle := 1
 export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 
-.PHONY: demo test test-slow test-paper test-trixie lint format bench bench-page golden mutants docs pictures linkcheck setup \
+.PHONY: demo test test-slow test-paper test-trixie lint format bench bench-page numbers golden mutants docs pictures linkcheck setup \
   clean
 
 demo: .venv/.ready ## solve the box; show gap, picture and where the report is
@@ -46,6 +46,9 @@ bench: .venv/.ready ## speed against dolfinx, flop rates, time to a gap, phases,
 
 bench-page: .venv/.ready ## put the figures of 'make bench' into docs/performance.md
 	$(PYTHON) benchmarks/performance_page.py
+
+numbers: .venv/.ready ## all numbers of results in README and docs anew from runs; what was measured is kept in runs
+	scripts/refresh-numbers
 
 golden: .venv/.ready ## write the golden C files anew
 	$(PYTHON) tests/golden/update.py

@@ -122,24 +122,10 @@ def startup() -> str:
     return table(("command, kernels in the cache", "best of 5", "median"), rows)
 
 
-def quadrature() -> str:
-    """Evidence for the default rule."""
-    rows = []
-    for r in load("quadrature")["results"]:
-        gaps = {name: found["gap"] for name, found in r["rules"].items()}
-        changes = [f"{100 * (gaps[n] / gaps['triangles'] - 1):+.3f} %" for n in ("auto", "compressed", "degree 10")]
-        iterations = ", ".join(str(found["iterations"]) for found in r["rules"].values())
-        case = f"{r['cells']}, {r['regulariser']}, {r['alpha_r']:g}, {r['gamma']:g}"
-        rows.append((case, f"{gaps['triangles']:.5e}", *changes, iterations))
-    heading = (
-        "cells, regulariser, alpha_r, gamma",
-        "gap, `triangles`",
-        "`auto`",
-        "`compressed`",
-        "degree 10",
-        "iterations",
-    )
-    return table(heading, rows)
+def projection_cost() -> str:
+    """Tangents by projection space."""
+    data = load("projection_cost")
+    return table(data["columns"], data["rows"])
 
 
 def machine() -> str:
@@ -178,7 +164,7 @@ def draw_roofline() -> None:
 
 PARTS = {
     "machine": machine, "assembly": assembly, "rates": rates, "gap": gap, "phases": phases, "growth": growth,
-    "startup": startup, "quadrature": quadrature, "projectors": projectors, "condensation": condensation,
+    "startup": startup, "projection_cost": projection_cost, "projectors": projectors, "condensation": condensation,
 }  # fmt: skip
 
 

@@ -1,18 +1,18 @@
-"""Contact through hanging nodes: the measurements of the box behind docs/projection.md.
+"""Contact through hanging nodes: the measurements of the box behind docs/projection.md, which this prints.
 
-    python benchmarks/projection_contact.py                 # all, about half an hour
+    python benchmarks/projection_contact.py                 # all, some minutes
     python benchmarks/projection_contact.py medium          # one of them
 
-Studies: points (only the cells at the three loaded nodes are refined), uniform (equal squares), kept (all cells but
-those at the loaded nodes are refined), hanging (hanging nodes at the faces of the wall, against conforming meshes),
-medium (hanging nodes all over the medium), others (C-box, Voronoi box, several bodies, punch with various projections).
+Studies: points (only the cells at the three loaded nodes are refined), hanging (hanging nodes at the faces of the wall,
+against conforming meshes and against refined ones), medium (hanging nodes all over the medium), crushed (squares with
+composite functions), cbox (the C-box with various projections). ``scripts/refresh-numbers contact-medium`` measures the
+same, keeps it, and writes it into the page.
 
 The printed mean gap is the area between the deformed inner faces of the flanges where ``|X - 1| < 0.1``, over 0.2.
 """
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -22,14 +22,13 @@ from numpy.typing import NDArray
 
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.mesh.parts import with_names
-from tmc_vem.problems import Bodies, Box, CBox, Problem, Punch
+from tmc_vem.problems import Box, CBox, Problem
 from tmc_vem.problems.materials import Medium
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import read_fields, snapshots
 from tmc_vem.simulation import RunOptions, run
-from tmc_vem.support.errors import TmcError
 from tmc_vem.system.fields import Fields
-from tmc_vem.vem.spaces.element_settings import PROJECTIONS, ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -152,37 +151,14 @@ def solve(problem: Problem, projection: str = "auto") -> tuple[RunResult, Fields
         return result, read_fields(result, snapshots(result)[-1])
 
 
-def show(label: str, tiles: Tiles, gamma: float, projection: str = "auto") -> None:
-    """Solve the box and print a line."""
-    head = f"{label:24s} {projection:10s} {gamma:.0e}"
-    try:
-        result, fields = solve(TiledBox(tiles=tiles, medium=Medium(gamma=gamma, alpha_r=1.0)), projection)
-    except TmcError as error:
-        print(head, error, flush=True)
-        return
-    last = result.history[-1]
-    print(
-        f"{head}  {result.load:5.3f}  {last.gap:.4e}  {mean_gap(fields):11.4e}  {last.reaction:9.5f}  "
-        f"{result.newton_iterations:5d}",
-        flush=True,
-    )
-
-
 def equal(n: int) -> Tiles:
     """Equal squares of 0.1 / n."""
     return Tiles.of(lambda i, j, medium: (n, n))
 
 
-def study_points(_: list[float]) -> None:
-    for n in (1, 2, 4):
-        for times in range(4):
-            show(f"0.1 / {n}, points {times} times", equal(n).refined_at(LOADED, times), 1e-5)
-
-
-def study_uniform(gammas: list[float]) -> None:
-    for gamma in gammas:
-        for n in (1, 2, 4, 8):
-            show(f"0.1 / {n}", equal(n), gamma)
+def points(n: int, times: int) -> Tiles:
+    """Equal squares, of which those at the load and the supports are refined."""
+    return equal(n).refined_at(LOADED, times)
 
 
 def kept(n: int) -> Tiles:
@@ -191,86 +167,57 @@ def kept(n: int) -> Tiles:
     return Tiles.of(lambda i, j, medium: (1, 1) if (i, j) in loaded else (n, n))
 
 
-def study_kept(gammas: list[float]) -> None:
-    for gamma in gammas:
-        for n in (1, 2, 4, 8):
-            show(f"0.1 / {n}, loaded kept", kept(n), gamma)
-
-
 def conforming(r: int) -> Tiles:
     """Squares of 0.1 / r in the medium, and the wall's squares cut in r slices that fit to them: no hanging nodes."""
     return Tiles.of(lambda i, j, medium: (r if 0 < i < COLUMNS - 1 else 1, r if 0 < j < ROWS - 1 else 1))
 
 
-def study_hanging(gammas: list[float]) -> None:
-    for gamma in gammas:
-        for r in (1, 2, 4, 8):
-            show(f"conforming, r = {r}", conforming(r), gamma)
-        for projection in ("auto", "composite", "macro"):
-            for r in (1, 2, 4, 8):
-                tiles = Tiles.of(lambda i, j, medium, r=r: (r, r) if medium else (1, 1))  # type: ignore[misc]
-                show(f"hanging, r = {r}", tiles, gamma, projection)
+def hanging(r: int) -> Tiles:
+    """Squares of 0.1 / r in the medium: r - 1 hanging nodes on a side of the wall's."""
+    return Tiles.of(lambda i, j, medium: (r, r) if medium else (1, 1))
 
 
-def study_medium(gammas: list[float]) -> None:
-    meshes = {
-        "squares": equal(1),
-        "bricks": Tiles.bricks(1),
-        "squares, half size": equal(2),
-        "bricks, half size": Tiles.bricks(2),
-        "coarse medium": Tiles.of(lambda i, j, medium: (1, 1) if medium else (2, 2)),
-        "coarse middle row": Tiles.of(lambda i, j, medium: (2, 2) if medium and j != 2 else (1, 1)),
-        "fine middle row": Tiles.of(lambda i, j, medium: (2, 2) if medium and j == 2 else (1, 1)),
-    }
-    for gamma in gammas:
-        for label, tiles in meshes.items():
-            for projection in PROJECTIONS:
-                show(label, tiles, gamma, projection)
+def coarse_middle_row() -> Tiles:
+    """The medium's middle row is coarser than its neighbours."""
+    return Tiles.of(lambda i, j, medium: (2, 2) if medium and j != 2 else (1, 1))
 
 
-def study_others(_: list[float]) -> None:
-    problems: dict[str, Problem] = {f"cbox, medium / {m}": CBox(medium_refinement=m) for m in (1, 2, 4)}
-    problems["cbox squares, medium / 2"] = CBox(medium_refinement=2, solid_cells="quadrilaterals")
-    problems |= {"box, voronoi": Box(cell_kind="voronoi", medium=Medium(gamma=1e-5, alpha_r=1.0))}
-    problems |= {"bodies": Bodies(), "punch": Punch()}
-    for name, problem in problems.items():
-        for projection in ("auto", "composite", "macro", "full"):
-            try:
-                result = run(problem, None, RunOptions(element=ElementSettings(projection=projection)))
-            except TmcError as error:
-                print(f"{name:24s} {projection:10s} {error}", flush=True)
-                continue
-            last = result.history[-1]
-            gap = "-" if last.gap is None else f"{last.gap:.4e}"
-            print(
-                f"{name:24s} {projection:10s} {result.load:5.3f}  {gap:10s}  {last.reaction:12.6g}  "
-                f"{result.newton_iterations:5d}",
-                flush=True,
-            )
+MESHES: dict[str, Callable[..., Tiles]] = {
+    "equal": equal, "points": points, "kept": kept, "conforming": conforming, "hanging": hanging,
+    "bricks": Tiles.bricks, "coarse middle row": coarse_middle_row,
+}  # fmt: skip
 
 
-STUDIES = {
-    "points": study_points,
-    "uniform": study_uniform,
-    "kept": study_kept,
-    "hanging": study_hanging,
-    "medium": study_medium,
-    "others": study_others,
-}
+def tiled(mesh: str, numbers: list[int], gamma: float, projection: str = "auto") -> dict[str, float]:
+    """Gap at the point, mean gap, reaction, load and iterations of the box on tiles, alpha_r = 1.
+
+    Args:
+        mesh: of ``MESHES``.
+        numbers: its arguments.
+        gamma: of the medium.
+        projection: of the elements.
+    """
+    problem = TiledBox(tiles=MESHES[mesh](*numbers), medium=Medium(gamma=gamma, alpha_r=1.0))
+    result, fields = solve(problem, projection)
+    return {**_values(result), "mean": mean_gap(fields)}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("study", nargs="*", default=list(STUDIES), choices=list(STUDIES))
-    parser.add_argument(
-        "--gamma", type=float, nargs="+", default=[1e-4, 1e-5, 1e-6], help="for uniform, kept, hanging, medium"
-    )
-    arguments = parser.parse_args()
-    for name in arguments.study:
-        columns = "load  gap  reaction" if name == "others" else "gamma  load  gap  mean gap  reaction"
-        print(f"\n== {name}: mesh, projection, {columns}, Newton iterations")
-        STUDIES[name](arguments.gamma)
+def cbox(medium_refinement: int, projection: str) -> dict[str, float]:
+    """Gap, reaction, load and iterations of the C-box."""
+    settings = RunOptions(element=ElementSettings(projection=projection))
+    return _values(run(CBox(medium_refinement=medium_refinement), None, settings))
+
+
+def _values(result: RunResult) -> dict[str, float]:
+    last = result.history[-1]
+    assert last.gap is not None
+    return {
+        "gap": last.gap, "reaction": abs(last.reaction), "load": result.load, "iterations": result.newton_iterations,
+    }  # fmt: skip
 
 
 if __name__ == "__main__":
-    main()
+    from pages.contact import BLOCKS
+    from pages.study import main
+
+    main(__doc__, BLOCKS, "contact-")

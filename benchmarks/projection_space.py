@@ -1,20 +1,21 @@
-"""What gradients are projected on: the measurements behind docs/projection.md.
+"""What gradients are projected on: the linear measurements behind docs/projection.md, which this prints.
 
-    python benchmarks/projection_space.py                  # all, about two minutes
+    python benchmarks/projection_space.py                  # all, a minute
     python benchmarks/projection_space.py zoo beam         # some of them
 
 Studies: zoo (rank and conditioning), extension (energy of modes relative to the best extension of their boundary
 values), rates (four cells against one along an interface, kept under refinement), beam (one and two cells through the
-thickness), cost. Contact is in projection_contact.py.
+thickness). Contact is in projection_contact.py, the cost in projection_cost.py. ``scripts/refresh-numbers
+projection-zoo`` measures the same, keeps it, and writes it into the page.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
-import time
-from dataclasses import replace
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,19 +34,21 @@ from tmc_vem.support.errors import TmcError
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.vem.spaces.composite import CompositeSpace
 from tmc_vem.vem.spaces.element import ElementGroup, build_elements
-from tmc_vem.vem.spaces.element_settings import PROJECTIONS, ElementSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 from tmc_vem.vem.spaces.macro import MacroSpace
 from tmc_vem.vem.spaces.quadrature import gauss, sub_triangles
 from tmc_vem.vem.spaces.rules import on_sub_triangles
 from tmc_vem.vem.spaces.spaces import FullSpace, Shapes
 from tmc_vem.vem.spaces.stability import elastic_tangent
 from tmc_vem.vem.spaces.tabulated import points_and_values, tabulate
+from tmc_vem.vem.system import VemSystem
 
 Float = NDArray[np.float64]
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 
 
+@cache
 def zoo() -> dict[str, Float]:
     """Polygons with edges longer than 5 % of their diameter."""
     shapes = {f"regular {n}-gon": regular(n) for n in range(3, 13)}
@@ -61,24 +64,18 @@ def zoo() -> dict[str, Float]:
     return shapes
 
 
-def study_zoo() -> None:
-    """Smallest nonzero eigenvalue of the elastic tangent relative to the largest; '-' if refused."""
-    print("polygon".ljust(26), *(p.rjust(14) for p in PROJECTIONS))
-    for name, polygon in zoo().items():
-        cells = []
-        for projection in PROJECTIONS:
-            mesh = PolygonMesh.from_cells(polygon, [list(range(len(polygon)))])
-            try:
-                (group,) = build_elements(mesh, ElementSettings(projection=projection))
-            except TmcError:
-                cells.append("-")
-                continue
-            eigenvalues = np.linalg.eigvalsh(tangent_of(group))
-            space = {"composite": "c", "macro": "m"}.get(group.projection, group.projection.removeprefix("harmonic "))
-            cells.append(f"{eigenvalues[3] / eigenvalues[-1]:.0e} {space}")
-        print(name.ljust(26), *(c.rjust(14) for c in cells))
-    polygon = zoo()["sliver 1 : 10"]
-    print(f"sliver 1 : 10, displacements in P_2 alone allow at most {bound_by_quadratics(polygon):.1e}")
+def conditioning(polygon: str, projection: str) -> tuple[float, str] | None:
+    """Smallest nonzero eigenvalue of the elastic tangent of a polygon of the zoo relative to the largest, and the
+    space: l, the degrees of the harmonic space, or the first letter of a name; None if no space has full rank."""
+    points = zoo()[polygon]
+    mesh = PolygonMesh.from_cells(points, [list(range(len(points)))])
+    try:
+        (group,) = build_elements(mesh, ElementSettings(projection=projection))
+    except TmcError:
+        return None
+    eigenvalues = np.linalg.eigvalsh(tangent_of(group))
+    space = {"composite": "c", "macro": "m"}.get(group.projection, group.projection.removeprefix("harmonic "))
+    return float(eigenvalues[3] / eigenvalues[-1]), space
 
 
 def tangent_of(group: ElementGroup) -> Float:
@@ -87,9 +84,10 @@ def tangent_of(group: ElementGroup) -> Float:
     return elastic_tangent(rows, rows * group.tables.w_sq[:1, :, None])[0]
 
 
-def bound_by_quadratics(polygon: Float) -> float:
+def bound_by_quadratics(name: str) -> float:
     """Bound on the smallest nonzero eigenvalue relative to the largest from displacements in P_2, on which the tangents
     of all spaces agree: the smallest Rayleigh quotient of those orthogonal to the rigid motions."""
+    polygon = zoo()[name]
     mesh = PolygonMesh.from_cells(polygon, [list(range(len(polygon)))])
     (group,) = build_elements(mesh, ElementSettings(projection="composite"))
     x, y = np.concatenate([polygon, 0.5 * (polygon + np.roll(polygon, -1, axis=0))]).T
@@ -108,31 +106,32 @@ def bound_by_quadratics(polygon: Float) -> float:
     return float(quotient / np.linalg.eigvalsh(tangent)[-1])
 
 
-def study_extension() -> None:
-    """Energy of a displacement in the element over that of the best extension of its boundary values into the cell,
-    for all boundary values: least, median, three quarters, largest. K = 20, mu = 10."""
-    spaces = {"full 3": FullSpace(3), "full 4": FullSpace(4), "macro": MacroSpace(2), "composite": CompositeSpace(2)}
-    print("hanging nodes".ljust(14), *(name.rjust(24) for name in spaces))
-    for n in (0, 1, 3, 7):
-        polygon = subdivide(SQUARE, [n + 1, 1, 1, 1])
-        spectrum, modes = np.linalg.eigh(_best_extension(polygon))
-        scaled = modes[:, 3:] / np.sqrt(spectrum[3:])
-        ((_, triangles),) = sub_triangles(polygon[None])
-        cells = []
-        for space in spaces.values():
-            shapes = Shapes.of(polygon[None], triangles, 2, space.degree)
-            tables = tabulate(shapes, space, on_sub_triangles(triangles, 6))
-            n_basis = tables.n_basis
-            tangent = _isotropic(tables.rows(2)[0], tables.w_sq[0])
-            moment = np.array([n_basis - 1, 2 * n_basis - 1])
-            outer = np.delete(np.arange(2 * n_basis), moment)
-            coupling = tangent[np.ix_(moment, outer)]
-            condensed = tangent[np.ix_(outer, outer)] - coupling.T @ np.linalg.solve(
-                tangent[np.ix_(moment, moment)], coupling
-            )
-            ratios = np.linalg.eigvalsh(scaled.T @ condensed @ scaled)
-            cells.append(" ".join(f"{q:5.2f}" for q in np.abs(np.quantile(ratios, (0.0, 0.5, 0.75, 1.0)))))
-        print(f"{n}".ljust(14), *(c.rjust(24) for c in cells))
+SPACES = {"[P_3]^2": FullSpace(3), "[P_4]^2": FullSpace(4), "macro": MacroSpace(2), "composite": CompositeSpace(2)}
+
+
+def extension(hanging: int, name: str) -> list[float]:
+    """Energy of a displacement in a square over that of the best extension of its boundary values into the cell, for
+    all boundary values: least, median, three quarters, largest. K = 20, mu = 10.
+
+    Args:
+        hanging: nodes on one side.
+        name: of ``SPACES``.
+    """
+    polygon = subdivide(SQUARE, [hanging + 1, 1, 1, 1])
+    spectrum, modes = np.linalg.eigh(_best_extension(hanging))
+    scaled = modes[:, 3:] / np.sqrt(spectrum[3:])
+    ((_, triangles),) = sub_triangles(polygon[None])
+    space = SPACES[name]
+    shapes = Shapes.of(polygon[None], triangles, 2, space.degree)
+    tables = tabulate(shapes, space, on_sub_triangles(triangles, 6))
+    n_basis = tables.n_basis
+    tangent = _isotropic(tables.rows(2)[0], tables.w_sq[0])
+    moment = np.array([n_basis - 1, 2 * n_basis - 1])
+    outer = np.delete(np.arange(2 * n_basis), moment)
+    coupling = tangent[np.ix_(moment, outer)]
+    inner = np.linalg.solve(tangent[np.ix_(moment, moment)], coupling)
+    ratios = np.linalg.eigvalsh(scaled.T @ (tangent[np.ix_(outer, outer)] - coupling.T @ inner) @ scaled)
+    return [float(q) for q in np.abs(np.quantile(ratios, (0.0, 0.5, 0.75, 1.0)))]
 
 
 def _isotropic(gradient_qxa: Float, w_q: Float, K: float = 20.0, mu: float = 10.0) -> Float:
@@ -144,9 +143,11 @@ def _isotropic(gradient_qxa: Float, w_q: Float, K: float = 20.0, mu: float = 10.
     return np.block([[upper, mixed], [mixed.T, lower]])
 
 
-def _best_extension(polygon: Float, n: int = 16) -> Float:
-    """Energy (4 n_sides, 4 n_sides) of boundary values of degree 2 on the sides of a subdivided unit square, extended
-    with n x n biquadratic elements."""
+@cache
+def _best_extension(hanging: int, n: int = 16) -> Float:
+    """Energy (4 n_sides, 4 n_sides) of boundary values of degree 2 on the sides of a unit square with hanging nodes on
+    one of them, extended with n x n biquadratic elements."""
+    polygon = subdivide(SQUARE, [hanging + 1, 1, 1, 1])
     size = 2 * n + 1
     values, slopes = (np.stack(f) for f in (_quadratic(gauss(4)[0]), _quadratic_slopes(gauss(4)[0])))
     rows = np.stack([np.einsum("iq,jp->qpji", slopes, values), np.einsum("iq,jp->qpji", values, slopes)]) * n
@@ -196,43 +197,50 @@ def interface_mesh(n: int, r: int) -> PolygonMesh:
     return with_boundary(mesh.points_vx, [loop.tolist() for loop in mesh.cells()])
 
 
-def study_rates(r: int = 4) -> None:
-    """Errors of a manufactured solution of the nonlinear solid; the second gradient in the cells with hanging nodes."""
+def interface_errors(projection: str, n: int, r: int = 4) -> list[float] | None:
+    """Errors of a manufactured solution of the nonlinear solid on n x n squares, r times finer in one half:
+    displacement, gradient, and second gradient in the cells with hanging nodes; None if the space has no full rank."""
     from test_vem_convergence import SOLID, manufactured
 
     displacement, gradient, force = manufactured()
-    print("projection   n  displacement  rate   gradient  rate   second gradient, hanging  rate")
-    for projection in PROJECTIONS:
-        last = None
-        for n in (4, 8, 16):
-            try:
-                system = make_system(interface_mesh(n, r), SOLID, CLAMPED, ElementSettings(projection=projection))
-            except TmcError as error:
-                print(f"{projection:10s} {n:3d}  {error}")
-                break
-            system.set_body_force(force)
-            u = interpolate(system, displacement)
-            if not NewtonSolver(system).solve(u).converged:
-                print(f"{projection:10s} {n:3d}  not converged")
-                break
-            found = np.array([*errors(system, u, displacement, lambda p: gradient(p).reshape(-1, 2, 2))])
-            found = np.append(found, second_gradient_error(system, u, gradient))
-            rates = ["    "] * 3 if last is None else [f"{x:4.2f}" for x in np.log2(last / found)]
-            print(f"{projection:10s} {n:3d}", *(f"   {e:.3e}  {q}" for e, q in zip(found, rates, strict=True)))
-            last = found
+    settings = ElementSettings(projection=projection)
+    try:
+        system = make_system(interface_mesh(n, r), SOLID, CLAMPED, settings)
+    except TmcError:
+        return None
+    system.set_body_force(force)
+    u = interpolate(system, displacement)
+    result = NewtonSolver(system).solve(u)
+    assert result.converged, result.reason
+    found = errors(system, u, displacement, lambda p: gradient(p).reshape(-1, 2, 2))
+    return [*found, second_gradient_error(system, u, gradient)]
 
 
-def second_gradient_error(system, u, gradient, step: float = 1e-5) -> float:  # type: ignore[no-untyped-def]
-    """Root mean square error of G over the cells with more than four vertices."""
+def voronoi_errors(n_cells: int, order: int) -> list[float]:
+    """Errors of displacement and gradient of the same solution on Voronoi cells, and the number of cells."""
+    from test_vem_convergence import solve
+
+    mesh = voronoi(n_cells)
+    return [*map(float, solve(mesh, order)), mesh.n_cells]
+
+
+def second_gradient_error(system: VemSystem, u: Any, gradient: Callable[[Float], Float], step: float = 1e-5) -> float:
+    """Root mean square error of G over the cells with more than four vertices. The solid's energy has no G, so its
+    kernel's tables have none; those of the same cells and spaces are made anew."""
     nodes, mesh = system.nodal_values(u), system.distributed.mesh
+    nodes_of = {
+        c: a for block in system.blocks for c, a in zip(block.cells.tolist(), block.batch.nodes_ca, strict=True)
+    }
     total = area = 0.0
-    for block in system.blocks:
-        if block.n_sides == 4:
+    for group in build_elements(mesh, system.settings):
+        if group.n_sides == 4:
             continue
-        points_cqx, _ = points_and_values(block.polygons(mesh), system.settings.order, block.scaled_points())
-        points, w = points_cqx.reshape(-1, 2), block.weights()
-        rows = block.rows(6)[:, :, 2:]
-        G = np.einsum("cqra,cai->cqri", rows, nodes[block.batch.nodes_ca])
+        tables = group.tables.take(group.shape_c)
+        polygons = np.stack([mesh.points_vx[mesh.cell(c)] for c in group.cells.tolist()])
+        points_cqx, _ = points_and_values(polygons, system.settings.order, tables.xi_sqx)
+        points, w = points_cqx.reshape(-1, 2), tables.w_sq
+        local = nodes[np.stack([nodes_of[c] for c in group.cells.tolist()])]
+        G = np.einsum("cqra,cai->cqri", tables.rows(6)[:, :, 2:], local)
         for k in (0, 1):
             e = step * np.eye(2)[k]
             exact = (gradient(points + e) - gradient(points - e)).reshape(-1, 2, 2) / (2 * step)
@@ -261,76 +269,22 @@ def beam_mesh(cells: int, layers: int, r: int) -> PolygonMesh:
     return PolygonMesh.from_cells(mesh.points_vx, loops, named_edges=named)
 
 
-def study_beam() -> None:
-    """Force at the end of a clamped beam, relative to that on 80 x 8 squares; end displacement 0.1."""
+def beam_force(cells: int, layers: int, r: int, projection: str) -> float | None:
+    """Force at the end of a clamped beam, end displacement 0.1; None if the space does not have full rank."""
     conditions = (Prescribed("clamped", 0), Prescribed("clamped", 1), Prescribed("end", 1, 0.1))
-
-    def force(mesh: PolygonMesh, projection: str) -> float:
-        system = make_system(mesh, region("solid", K=20.0, mu=10.0), conditions, ElementSettings(projection=projection))
-        start = interpolate(system, lambda p: np.stack([0.0 * p[:, 0], 0.1 * (p[:, 0] / 10.0) ** 2], axis=1))
-        result = NewtonSolver(system).solve(start)
-        if result.residual is None:
-            return float("nan")
-        return float(system.reaction(result.residual, "end", 1))
-
-    exact = force(beam_mesh(80, 8, 1), "full")
-    print("cells    hanging nodes", *(p.rjust(11) for p in PROJECTIONS))
-    for cells, layers in ((10, 1), (20, 2)):
-        for r in (1, 2, 4, 8):
-            row = []
-            for projection in PROJECTIONS:
-                try:
-                    row.append(f"{100 * (force(beam_mesh(cells, layers, r), projection) / exact - 1):+10.2f}%")
-                except TmcError:
-                    row.append("-".rjust(11))
-            print(f"{cells} x {layers}   {r - 1}".ljust(22), *row, flush=True)
-
-
-def study_cost() -> None:
-    """Seconds for the element tangents of 4000 cells."""
-    from tmc_vem.vem.kernel.batch import Tangents
-
-    print("cell            projection   points  dofs  microseconds a tangent")
-    for name, polygon in (
-        ("square", subdivide(SQUARE, [1, 1, 1, 1])),
-        ("3 hanging nodes", subdivide(SQUARE, [4, 1, 1, 1])),
-    ):
-        for projection in PROJECTIONS:
-            mesh = PolygonMesh.from_cells(polygon, [list(range(len(polygon)))])
-            try:
-                system = make_system(mesh, region("solid", K=1.0, mu=1.0), (), ElementSettings(projection=projection))
-            except TmcError:
-                continue
-            (block,) = system.blocks
-            n = 4000
-            n_basis = block.batch.n_basis
-            nodes_ca = np.tile(block.batch.nodes_ca, (n, 1))
-            batch = replace(block.batch, shape_c=np.zeros(n, dtype=np.int32), nodes_ca=nodes_ca)
-            u, tangents = np.zeros((n_basis, 2)), Tangents(np.empty((n, 2 * n_basis, 2 * n_basis)))
-            seconds = []
-            for _ in range(5):
-                start = time.perf_counter()
-                block.kernel.cells(batch, u, block.parameters, None, tangents)
-                seconds.append(time.perf_counter() - start)
-            label = f"{projection} ({block.projection})"
-            size = f"{block.batch.n_points:4d} {2 * n_basis:5d}"
-            print(f"{name:15s} {label:24s} {size} {1e6 * min(seconds) / n:8.2f}")
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    studies = {
-        "zoo": study_zoo,
-        "extension": study_extension,
-        "rates": study_rates,
-        "beam": study_beam,
-        "cost": study_cost,
-    }
-    parser.add_argument("study", nargs="*", default=list(studies), choices=list(studies))
-    for name in parser.parse_args().study:
-        print(f"\n== {name}")
-        studies[name]()
+    mesh, settings = beam_mesh(cells, layers, r), ElementSettings(projection=projection)
+    try:
+        system = make_system(mesh, region("solid", K=20.0, mu=10.0), conditions, settings)
+    except TmcError:
+        return None
+    start = interpolate(system, lambda p: np.stack([0.0 * p[:, 0], 0.1 * (p[:, 0] / 10.0) ** 2], axis=1))
+    result = NewtonSolver(system).solve(start)
+    assert result.residual is not None, result.reason
+    return float(system.reaction(result.residual, "end", 1))
 
 
 if __name__ == "__main__":
-    main()
+    from pages.projection import BLOCKS
+    from pages.study import main
+
+    main(__doc__, BLOCKS, "projection-")

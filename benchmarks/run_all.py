@@ -14,7 +14,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ALL = (
     "assembly", "kernel_rates", "point_kernel", "time_to_gap", "phases", "growth", "startup", "projectors",
-    "condensation", "quadrature",
+    "condensation", "projection_cost",
 )  # fmt: skip
 
 

@@ -1,30 +1,30 @@
-"""Which way of stepping needs how many Newton iterations: strategies against cases, as a table for docs/solver.md.
+"""Which way of stepping needs how many Newton iterations: what stands behind the tables of docs/solver.md, printed.
 
-    python benchmarks/solver_strategies.py                      # hard cases, all strategies, VEM
-    python benchmarks/solver_strategies.py --table2             # all nine pairs of table 2 and gamma 1e-7, 1e-8
-    python benchmarks/solver_strategies.py --table2 --method fem --strategies default continuation
+    python benchmarks/solver_strategies.py                      # all, some minutes
+    python benchmarks/solver_strategies.py reuse                # one of them
 
-Iterations include those of failed attempts; tangent predictors, one more linear solve each, are counted apart.
+Studies: strategies (of load stepping, all pairs of table 2 and smaller gammas), reuse (of a tangent), hard (C-box,
+stiff punch and several bodies to full load). ``scripts/refresh-numbers solver-strategies`` measures the same, keeps
+it, and writes it into the page. Iterations include those of failed attempts; tangent predictors, one more linear solve
+each, are counted apart.
 """
 
 from __future__ import annotations
 
-import argparse
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
-from tmc_vem.problems import Box, CBox, Medium, Punch
-from tmc_vem.problems.cbox import angle_medium
+from tmc_vem.problems import Box, Medium
 from tmc_vem.simulation import RunOptions, control_path, discretise
 from tmc_vem.solve.budget import Budget
-from tmc_vem.solve.newton import NewtonSolver
+from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
-from tmc_vem.system.fem_settings import INTERIOR_PENALTIES, FemSettings
-from tmc_vem.vem.spaces.element_settings import RULES, ElementSettings
+from tmc_vem.system.fem_settings import FemSettings
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 
 @dataclass(frozen=True)
@@ -42,75 +42,67 @@ STRATEGIES = {
     "default": Strategy(),
     "continuation": Strategy(continuation={"gamma": 1e-4}),
 }
-TABLE_2 = [(alpha_r, gamma) for alpha_r in (10.0, 1.0, 0.1) for gamma in (1e-4, 1e-5, 1e-6)]
 
 
-def cases(cells: tuple[int, int], table2: bool) -> dict[str, Any]:
-    """Problems by name."""
-    pairs = TABLE_2 if table2 else [(1.0, 1e-5), (0.1, 1e-6)]
-    found: dict[str, Any] = {
-        f"box {alpha_r:g}, {gamma:.0e}": Box(cells=cells, medium=Medium(gamma=gamma, alpha_r=alpha_r))
-        for alpha_r, gamma in [*pairs, (0.1, 1e-7), (0.1, 1e-8)]
-    }
-    if not table2:
-        found["cbox -1, alpha_r 1"] = CBox(uy=-1.0, medium=angle_medium(1e-5, 1.0))
-        found["stiff punch, 1e-5"] = Punch(stiffness=100.0, medium=angle_medium(1e-5, 1.0))
-    return found
+def effort(
+    alpha_r: float, gamma: float, strategy: str, *, method: str = "vem", penalty: str = "none", rule: str = "auto",
+    limit: int = 3000,
+) -> dict[str, Any]:  # fmt: skip
+    """Load reached, steps, iterations and jumps of the box of 40 x 10 cells.
 
-
-def measure(problem: Any, strategy: Strategy, method: str, penalty: str, rule: str, limit: int) -> str:
-    """Load reached, steps and iterations, as a cell of the table."""
-    if strategy.continuation and problem.medium.gamma >= strategy.continuation["gamma"]:
-        return ""
-    fem = FemSettings(interior_penalty=penalty)
-    element = ElementSettings(rule=rule)
-    options = RunOptions(method=method, fem=fem, element=element, continuation=strategy.continuation)
+    Args:
+        alpha_r, gamma: of the medium.
+        strategy: of ``STRATEGIES``.
+        method: 'vem' or 'fem'.
+        penalty: interior penalty of the finite elements.
+        rule: quadrature of the virtual elements.
+        limit: Newton iterations.
+    """
+    problem, chosen = Box(cells=(40, 10), medium=Medium(gamma=gamma, alpha_r=alpha_r)), STRATEGIES[strategy]
+    fem, element = FemSettings(interior_penalty=penalty), ElementSettings(rule=rule)
+    options = RunOptions(method=method, fem=fem, element=element, continuation=chosen.continuation)
     system = discretise(problem, options, MPI.COMM_WORLD)
     solver, budget = NewtonSolver(system), Budget(limit)
     steps: list[Any] = []
     stepper = LoadStepper(
         solver,
-        strategy.stepping,
+        chosen.stepping,
         lambda step, *_: steps.append(step),
         control_path(problem, options),
-        {"gamma": problem.medium.gamma},
+        {"gamma": gamma},
         on_iteration=lambda *_: budget.spend(),
     )
-    begin = time.monotonic()
     result = stepper.run(system.create_vector())
-    reached = "" if result.complete else f", stops at {result.load:.1%}"
-    jumps = sum(step.jumped for step in steps)
-    jumped = f", {jumps} jump{'s' * (jumps > 1)}" if jumps else ""
-    stiffened = ", stiffened" if not strategy.continuation and any(step.control.parameters for step in steps) else ""
-    cell = f"{solver.iterations_done} in {len(steps)}{reached}{jumped}{stiffened}"
-    print(f"    {cell} ({time.monotonic() - begin:.1f} s, {result.reason})", flush=True)
-    return cell
+    return {
+        "iterations": solver.iterations_done, "steps": len(steps), "load": 1.0 if result.complete else result.load,
+        "jumps": sum(bool(step.jumped) for step in steps),
+        "stiffened": not chosen.continuation and any(step.control.parameters for step in steps),
+    }  # fmt: skip
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--table2", action="store_true", help="the box only, all pairs of table 2")
-    parser.add_argument("--method", choices=["vem", "fem"], default="vem")
-    parser.add_argument("--interior-penalty", choices=INTERIOR_PENALTIES, default="none", help="of --method fem")
-    parser.add_argument("--rule", choices=RULES, default="auto", help="of --method vem")
-    parser.add_argument("--cells", type=int, nargs=2, default=(40, 10))
-    parser.add_argument("--strategies", nargs="+", choices=STRATEGIES, default=list(STRATEGIES))
-    parser.add_argument("--cases", nargs="+", help="beginnings of the names of the cases to run; default: all")
-    parser.add_argument("--limit", type=int, default=3000, help="Newton iterations a run")
-    arguments = parser.parse_args()
-    rows = [f"| case | {' | '.join(arguments.strategies)} |", "|---|" + "---|" * len(arguments.strategies)]
-    for name, problem in cases(tuple(arguments.cells), arguments.table2).items():
-        if arguments.cases and not name.startswith(tuple(arguments.cases)):
-            continue
-        row = []
-        for strategy in arguments.strategies:
-            print(f"{name}, {strategy}", flush=True)
-            settings = (arguments.method, arguments.interior_penalty, arguments.rule, arguments.limit)
-            row.append(measure(problem, STRATEGIES[strategy], *settings))
-        rows.append(f"| {name} | {' | '.join(row)} |")
-    print(f"\nNewton iterations in load steps, {arguments.method}\n\n" + "\n".join(rows))
+def reused(cells: tuple[int, int], reuse: bool) -> dict[str, float]:
+    """Iterations, factorisations and gap of the box, alpha_r = 1, gamma = 1e-5, with and without reuse of a tangent."""
+    system = discretise(Box(cells=(cells[0], cells[1]), medium=Medium(gamma=1e-5, alpha_r=1.0)), RunOptions(),
+                        MPI.COMM_WORLD)  # fmt: skip
+    options = NewtonOptions() if reuse else NewtonOptions(reuse=0.0)
+    solver, counted = NewtonSolver(system, options), [0]
+    assemble = system.jacobian
+
+    def jacobian(*arguments: Any) -> Any:
+        counted[0] += 1
+        return assemble(*arguments)
+
+    system.jacobian = jacobian  # type: ignore[method-assign]
+    u = system.create_vector()
+    assert LoadStepper(solver, SteppingOptions()).run(u).complete
+    names = ("flange_top", "flange_bottom")
+    top, bottom = system.point_coordinates(names) + system.point_displacements(u, names)
+    gap = float(np.hypot(*(top - bottom)))
+    return {"iterations": solver.iterations_done, "factorisations": counted[0], "gap": gap}
 
 
 if __name__ == "__main__":
-    main()
+    from pages.solver import BLOCKS
+    from pages.study import main
+
+    main(__doc__, BLOCKS, "solver-")

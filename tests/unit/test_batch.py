@@ -17,6 +17,7 @@ from helpers_process import clean_environment
 from tmc_vem.problems import Box, Medium
 from tmc_vem.results.lock import DirectoryLock
 from tmc_vem.simulation import RunOptions
+from tmc_vem.simulation.provenance import sources
 from tmc_vem.study.batch import LOCK, Job, Observer, Outcome, run_batch
 from tmc_vem.support.errors import InputError
 
@@ -70,6 +71,21 @@ def test_other_inputs_are_another_run(tmp_path: Path) -> None:
     run_batch([job()], tmp_path, observer=recorder)
     assert recorder.reused == 0
     assert json.loads(path.read_text())["inputs"]["uy"] == -0.02
+
+
+@pytest.mark.parametrize("kept", ["older", None])
+def test_a_run_of_other_sources_is_done_again(tmp_path: Path, kept: str | None) -> None:
+    """What an earlier state of the program has computed does not pass for what this one does."""
+    run_batch([job()], tmp_path)
+    path = tmp_path / job().name / "result.json"
+    data = json.loads(path.read_text())
+    assert data["versions"]["sources"] == sources()
+    data["versions"]["sources"] = kept
+    path.write_text(json.dumps(data))
+    recorder = Recorder()
+    run_batch([job()], tmp_path, observer=recorder)
+    assert recorder.reused == 0
+    assert json.loads(path.read_text())["versions"]["sources"] == sources()
 
 
 def test_a_run_that_was_cut_off_is_done_again(tmp_path: Path) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
 
 from tmc_vem.report.page import Page, Section, Table, Text
 from tmc_vem.report.write import to_markdown
 from tmc_vem.support.errors import InputError
 
-BLOCK = re.compile(r"(<!-- numbers: (?P<name>[\w-]+) -->\n).*?(\n<!-- end of numbers -->)", re.S)
+BLOCK = re.compile(r"(<!-- numbers: (?P<name>[\w-]+) -->\n)(?P<text>.*?)(\n<!-- end of numbers -->)", re.S)
 
 
 def block_names(document: str) -> list[str]:
@@ -25,16 +24,23 @@ def block_names(document: str) -> list[str]:
     return names
 
 
-def refreshed(document: str, blocks: Mapping[str, Callable[[], str]]) -> str:
-    """The document with the text of its blocks made anew.
+def texts(document: str) -> dict[str, str]:
+    """What the blocks of a document say, by their names.
 
     Raises:
-        InputError: a block has a name that nothing is known by, or no end.
+        InputError: a block has no end.
     """
-    for name in block_names(document):
-        if name not in blocks:
-            raise InputError(f"no numbers are known by '{name}': choose one of {', '.join(blocks)}")
-    return BLOCK.sub(lambda match: f"{match[1]}\n{blocks[match['name']]().strip()}\n{match[3]}", document)
+    block_names(document)
+    return {match["name"]: match["text"].strip() for match in BLOCK.finditer(document)}
+
+
+def replaced(document: str, name: str, text: str) -> str:
+    """The document with another text in one of its blocks."""
+
+    def new(match: re.Match[str]) -> str:
+        return f"{match[1]}\n{text.strip()}\n{match[4]}" if match["name"] == name else match[0]
+
+    return BLOCK.sub(new, document)
 
 
 def section_markdown(section: Section) -> str:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
 import subprocess
 import sys
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from tmc_vem.support.version import VERSION
+
+ROOT = Path(__file__).parents[2]
+OTHERS = ("cli", "report", "study")  # what these do comes before and after the numbers of a run
 
 
 def versions(n_ranks: int = 1) -> dict[str, Any]:
@@ -20,6 +25,7 @@ def versions(n_ranks: int = 1) -> dict[str, Any]:
     return {
         "tmc-vem": VERSION,
         "revision": revision(),
+        "sources": sources(),
         "python": platform.python_version(),
         "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
         **{name: _version(name) for name in ("numpy", "sympy", "fenics-dolfinx")},
@@ -44,6 +50,22 @@ def _processor() -> str:
             return next(line.split(":", 1)[1].strip() for line in file if line.startswith("model name"))
     except (OSError, StopIteration):
         return platform.processor()
+
+
+@cache
+def sources() -> str:
+    """Hash of all sources that a run's numbers depend on: as long as it stays, a run need not be repeated.
+
+    A revision of git says less: it changes with every page of the documentation, and knows files that differ from it
+    only as ``-dirty``.
+    """
+    found = hashlib.sha256()
+    for package in ("codegen", "tmc_vem"):
+        for path in sorted((ROOT / package).rglob("*")):
+            name = path.relative_to(ROOT / package)
+            if path.suffix in (".py", ".c", ".h", ".petsc") and name.parts[0] not in OTHERS:
+                found.update(f"{package}/{name.as_posix()}\0".encode() + path.read_bytes() + b"\0")
+    return found.hexdigest()[:16]
 
 
 def revision() -> str | None:

@@ -1,5 +1,7 @@
 """Sets of runs in processes: finished ones are found again by their inputs, interrupted ones are done anew.
 
+A run of other sources of this program is not found again: what it says may no longer be what the program says.
+
 Every run of a batch has a directory ``<label>-<hash of its inputs>``, so that a result is never replaced by one with
 other inputs and batches may share a directory. Only a finished run has a ``result.json``; anything else found under
 such a name is left over from a batch that was killed, and goes.
@@ -31,6 +33,7 @@ from tmc_vem.results.records import RESULT
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.plan import run_inputs
+from tmc_vem.simulation.provenance import sources
 from tmc_vem.study.batch_worker import MARK
 from tmc_vem.support.errors import InputError
 
@@ -119,7 +122,7 @@ def run_batch(
 
 
 def _found(job: Job, directory: Path) -> Outcome | None:
-    """Outcome of an earlier run with the same inputs."""
+    """Outcome of an earlier run with the same inputs, by the same program."""
     path = directory / job.name
     if not (path / RESULT).exists():
         return None
@@ -127,7 +130,8 @@ def _found(job: Job, directory: Path) -> Outcome | None:
         result = RunResult.read(path)
     except InputError:
         return None
-    return Outcome(job, result, reused=True) if result.inputs == job.inputs else None
+    same = result.inputs == job.inputs and result.versions.get("sources") == sources()
+    return Outcome(job, result, reused=True) if same else None
 
 
 @contextmanager

@@ -1,0 +1,10 @@
+"""All blocks of all pages."""
+
+from __future__ import annotations
+
+from pages import contact, fem, guide, paper, projection, solver
+from pages.block import AnyBlock
+
+BLOCKS: tuple[AnyBlock, ...] = (
+    *paper.BLOCKS, *guide.BLOCKS, *fem.BLOCKS, *projection.BLOCKS, *contact.BLOCKS, *solver.BLOCKS
+)  # fmt: skip
