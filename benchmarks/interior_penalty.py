@@ -64,7 +64,7 @@ def box(mesh: str, kind: str, alpha_r: float, gamma: float, method: str = "vem")
         method, element=ElementSettings(interior_penalty=kind), fem=FemSettings(interior_penalty=kind)
     )  # fmt: skip
     try:
-        result = run(problem, options)
+        result = run(problem, options=options)
     except ConvergenceError as error:
         return {"reached": 0.0, "reason": str(error)}
     return {
