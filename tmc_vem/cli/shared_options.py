@@ -29,6 +29,7 @@ def medium_options(
             setting(Medium, "gamma", default=gamma),
             setting(Medium, "alpha", is_eager=True),
             setting(Medium, "alpha_r", callback=weight, optional=True, after=f" [default: {alpha_r:g}]"),
+            setting(Medium, "energy", "--medium-energy", "medium_energy"),
             setting(Medium, "regulariser", default=regulariser, metavar="NAME"),
             setting(Medium, "parameters", "--param", "parameters", multiple=True, metavar="NAME=VALUE"),
             setting(Medium, "beta", default=beta),
@@ -159,6 +160,7 @@ def chosen_medium(options: dict[str, Any]) -> Medium:
         alpha_r=options["alpha_r"],
         alpha=options["alpha"],
         beta=options["beta"],
+        energy=options["medium_energy"],
         regulariser=options["regulariser"],
         parameters=parse_parameters(options["parameters"]),
     )
