@@ -138,7 +138,7 @@ class Nearness:
         if names:
             word = re.compile(rf"\b({'|'.join(sorted(names))})\b")
             for other in sorted({source for test in self.tests.values() for source in test.lines}):
-                if (self.root / other).is_file():
+                if other.endswith(".py") and (self.root / other).is_file():
                     inside = _in_functions(self.root / other)
                     lines = _lines(self.root / other)
                     groups.append((other, [n for n in inside if word.search(lines[n - 1])]))
