@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import difflib
 import re
 from collections.abc import Iterable, Iterator
@@ -11,6 +10,7 @@ from functools import cache, cached_property
 from pathlib import Path
 
 from mutation.measure import Record, digest, measured_text, record_path
+from mutation.places import Places, in_functions, lines_of, words_of_tests
 from mutation.site import Mutant
 
 BUDGET = 90.0  # seconds of tests for a fault, as measured
@@ -46,6 +46,11 @@ class Measured:
     def file(self) -> str:
         """File of the test."""
         return self.name.partition("::")[0]
+
+    @property
+    def function(self) -> str:
+        """Name of the function."""
+        return self.name.rpartition("::")[2].partition("[")[0]
 
     @property
     def alone(self) -> float:
@@ -98,9 +103,9 @@ class Nearness:
         files = {test.file for test in direct}
         companions = [test for test in self.tests.values() if test.file in files and _named(test, mutant.file)]
         if direct:
-            groups = [direct, companions]
+            groups = [self._naming(mutant), direct, companions]
         else:
-            whole = range(1, len(_lines(self.root / mutant.file)) + 1)
+            whole = range(1, len(lines_of(self.root / mutant.file)) + 1)
             stem = Path(mutant.file).stem
             groups = [
                 list(self._executing(mutant.file, whole)),
@@ -121,15 +126,29 @@ class Nearness:
         if not mutant.file.endswith(".py"):
             callers = next(files for folder, files in CALLERS.items() if mutant.file.startswith(folder))
             for caller in callers[:1]:
-                yield from self._executing(caller, _in_functions(self.root / caller))
+                yield from self._executing(caller, in_functions(self.root / caller))
             return
-        places = _Places.of(self.root / mutant.file)
+        places = Places.of(self.root / mutant.file)
         number = mutant.line + mutant.before[: _offset(mutant)].count("\n")
         if number not in places.inside:
             yield from self._using(mutant.file, places.names(number), places.function(number))
             return
         found = list(self._executing(mutant.file, [number]))
         yield from found or self._executing(mutant.file, places.statement(number))
+
+    def _naming(self, mutant: Mutant) -> list[Measured]:
+        """Tests that mention what a line outside functions gives a value."""
+        if not mutant.file.endswith(".py"):
+            return []
+        places = Places.of(self.root / mutant.file)
+        names = places.names(mutant.line) if mutant.line not in places.inside else set()
+        module = Path(mutant.file).stem
+        return [
+            test
+            for test in self.tests.values()
+            if names & words_of_tests(self.root / test.file).get(test.function, frozenset())
+            and _mentions(self.root / test.file, module)
+        ]
 
     def _using(self, file: str, names: set[str], function: range) -> Iterator[Measured]:
         """Tests that execute a line with one of these names, or of this function."""
@@ -139,8 +158,8 @@ class Nearness:
             word = re.compile(rf"\b({'|'.join(sorted(names))})\b")
             for other in sorted({source for test in self.tests.values() for source in test.lines}):
                 if other.endswith(".py") and (self.root / other).is_file():
-                    inside = _in_functions(self.root / other)
-                    lines = _lines(self.root / other)
+                    inside = in_functions(self.root / other)
+                    lines = lines_of(self.root / other)
                     groups.append((other, [n for n in inside if word.search(lines[n - 1])]))
         for other, numbers in groups:
             for test in self._executing(other, numbers):
@@ -189,66 +208,6 @@ def in_turns(tests: Iterable[Measured]) -> list[Measured]:
         turn = turns[(spent > FIRST) + (spent > SECOND)]
         turn.setdefault(test.file, []).append(test)
     return [test for turn in turns for group in turn.values() for test in group]
-
-
-@dataclass(frozen=True)
-class _Places:
-    """Statements and functions of a source by line."""
-
-    tree: ast.Module
-    inside: frozenset[int]
-
-    @classmethod
-    @cache
-    def of(cls, path: Path) -> _Places:
-        return cls(ast.parse(path.read_text()), _in_functions(path))
-
-    def statement(self, number: int) -> range:
-        """Lines of the smallest statement, without what is below it."""
-        found = range(number, number + 1)
-        for node in ast.walk(self.tree):
-            if isinstance(node, ast.stmt) and node.end_lineno and node.lineno <= number <= node.end_lineno:
-                body = getattr(node, "body", None)
-                end = body[0].lineno if body and body[0].lineno > node.lineno else node.end_lineno + 1
-                found = range(node.lineno, max(end, number + 1))
-        return found
-
-    def names(self, number: int) -> set[str]:
-        """What the statement of a line outside functions gives a value, class and field names included."""
-        found: set[str] = set()
-        for node in ast.walk(self.tree):
-            if not isinstance(node, ast.stmt) or not node.end_lineno or not node.lineno <= number <= node.end_lineno:
-                continue
-            targets = [node.target] if isinstance(node, ast.AnnAssign) else getattr(node, "targets", [])
-            named = {each.id for target in targets for each in ast.walk(target) if isinstance(each, ast.Name)}
-            if named:
-                found = named
-        return found
-
-    def function(self, number: int) -> range:
-        """Lines of the body of the function whose head, default values or decorators have a line."""
-        for node in ast.walk(self.tree):
-            if isinstance(node, ast.FunctionDef) and node.end_lineno:
-                first = min([node.lineno, *(each.lineno for each in node.decorator_list)])
-                if first <= number < node.body[0].lineno:
-                    return range(node.body[0].lineno, node.end_lineno + 1)
-        return range(0)
-
-
-@cache
-def _in_functions(path: Path) -> frozenset[int]:
-    """Lines of the bodies of functions: they are executed when these are called, others when the module is imported."""
-    return frozenset(
-        number
-        for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.FunctionDef) and node.end_lineno
-        for number in range(node.body[0].lineno, node.end_lineno + 1)
-    )
-
-
-@cache
-def _lines(path: Path) -> list[str]:
-    return path.read_text().splitlines()
 
 
 @cache
