@@ -284,3 +284,49 @@ def test_a_geometry_of_gmsh_without_its_last_line_break(tmp_path: Path, capsys: 
     # gmsh's parser remembers it, but nobody else does
     (tmp_path / "a.geo").write_text(f'{text} Physical Surface("body") = {{1}};')
     assert read_mesh(tmp_path / "a.geo").region_names == ("body",)
+
+
+SQUARES = """*Part, name=P
+*Node
+1, 0., 0.
+2, 1., 0.
+3, 2., 0.
+4, 0., 1.
+5, 1., 1.
+6, 2., 1.
+*Element, type=CPE4
+1, 1, 2, 5, 4
+2, 2, 3, 6, 5
+{sets}
+*End Part
+*Assembly, name=A
+*Instance, name=I, part=P
+*End Instance
+*End Assembly
+"""
+
+
+@pytest.mark.parametrize(
+    ("row", "members"),
+    [("4", [4]), ("1, 3", [1, 2, 3]), ("1, 5, 2", [1, 3, 5]), ("2, 3\n6", [2, 3, 6]), ("2, 2, 7", [2])],
+)
+def test_rows_of_sets_that_are_generated(row: str, members: list[int], tmp_path: Path) -> None:
+    """First and last label and the step: one label alone is itself, and the step is 1 if it is left out."""
+    (tmp_path / "a.inp").write_text(SQUARES.format(sets=f"*Nset, nset=chosen, generate\n{row}"))
+    mesh = read_mesh(tmp_path / "a.inp", notes=[])
+    place = {1: (0, 0), 2: (1, 0), 3: (2, 0), 4: (0, 1), 5: (1, 1), 6: (2, 1)}
+    found = [v for name, v in mesh.named_points.items() if name.partition("#")[0] == "chosen"]
+    found += np.unique(mesh.named_edges.get("chosen", [])).astype(int).tolist()  # where they run along sides
+    assert sorted(map(tuple, mesh.points_vx[found].tolist())) == sorted(place[n] for n in members)
+
+
+@pytest.mark.parametrize("inner", ["ROUND", "I.ROUND"])
+def test_sets_that_contain_themselves_are_refused(inner: str, tmp_path: Path) -> None:
+    """By their name or that of their instance before it; sets in sets are not, up to some fifty."""
+    (tmp_path / "a.inp").write_text(SQUARES.format(sets=f"*Nset, nset=ROUND\n1\n*Nset, nset=ROUND\n{inner}"))
+    with pytest.raises(InputError, match="set 'ROUND' contains itself"):
+        read_mesh(tmp_path / "a.inp", notes=[])
+    chain = "".join(f"*Nset, nset=S{n}\nI.S{n - 1}\n" for n in range(1, 20))
+    (tmp_path / "b.inp").write_text(SQUARES.format(sets=f"*Nset, nset=S0\n5\n{chain}").replace("\n\n", "\n"))
+    mesh = read_mesh(tmp_path / "b.inp", notes=[])
+    assert mesh.points_vx[mesh.named_points["S19"]].tolist() == [1, 1]
