@@ -14,6 +14,7 @@ from mutation.places import Places, in_functions, lines_of, words_of_tests
 from mutation.site import Mutant
 
 BUDGET = 90.0  # seconds of tests for a fault, as measured
+MODULE = 20.0  # seconds of further tests that execute anything of its module
 FIRST, SECOND = 3.0, 20.0  # seconds of tests that come before all others, and before the rest
 OVERHEAD = 0.05  # seconds of a test beside its own duration
 NAMED = 5.0  # how much likelier a test file that is called like a module sees its faults
@@ -82,44 +83,35 @@ class Nearness:
 
     def near(self, mutant: Mutant) -> list[Measured]:
         """Tests for a fault in the order in which to run them; what takes too long is left out."""
-        chosen: list[Measured] = []
-        spent, made = 0.0, set[tuple[str, str]]()
-        for test in self._candidates(mutant):
-            more = _added(test, made)
-            if spent + more <= BUDGET or not chosen:
-                chosen.append(test)
-                spent += more
-                made |= {(test.file, name) for name in test.fixtures}
-        return in_turns(chosen)
+        chosen: dict[str, Measured] = {}
+        made: set[tuple[str, str]] = set()
+        for group, budget in self._groups(mutant):
+            spent = 0.0
+            for test in sorted(group, key=lambda test: self._cost(test, mutant.file)):
+                more = _added(test, made)
+                if test.name not in chosen and (spent + more <= budget or not chosen):
+                    chosen[test.name] = test
+                    spent += more
+                    made |= {(test.file, name) for name in test.fixtures}
+        return in_turns(chosen.values())
 
     def longest(self, file: str) -> float:
         """Seconds of the longest test of a file, with all that it shares with others."""
         return max((test.alone for test in self.tests.values() if test.file == file), default=0.0)
 
-    def _candidates(self, mutant: Mutant) -> Iterator[Measured]:
-        """All that may see it, the likeliest first, none twice."""
-        seen: set[str] = set()
+    def _groups(self, mutant: Mutant) -> Iterator[tuple[list[Measured], float]]:
+        """Tests that may see it, in groups, each with the seconds that it may take."""
         direct = list(self._of_lines(mutant))
+        yield self._naming(mutant), BUDGET
+        yield direct, BUDGET
         files = {test.file for test in direct}
-        companions = [test for test in self.tests.values() if test.file in files and _named(test, mutant.file)]
-        if direct:
-            groups = [self._naming(mutant), direct, companions]
-        else:
-            whole = range(1, len(lines_of(self.root / mutant.file)) + 1)
+        yield [test for test in self.tests.values() if test.file in files and _named(test, mutant.file)], BUDGET
+        # what is cached, or executed at the first import, is noted under another test than the one that looks at it
+        module = list(self._executing(mutant.file, range(1, len(lines_of(self.root / mutant.file)) + 1)))
+        yield module, MODULE
+        if not direct and not module:
             stem = Path(mutant.file).stem
-            groups = [
-                list(self._executing(mutant.file, whole)),
-                [
-                    test
-                    for test in self.tests.values()
-                    if _named(test, mutant.file) or _mentions(self.root / test.file, stem)
-                ],
-            ]
-        for group in groups:
-            for test in sorted(group, key=lambda test: self._cost(test, mutant.file)):
-                if test.name not in seen:
-                    seen.add(test.name)
-                    yield test
+            yield [test for test in self.tests.values() if _mentions(self.root / test.file, stem)], BUDGET
 
     def _of_lines(self, mutant: Mutant) -> Iterator[Measured]:
         """Tests that execute what the fault is in."""
