@@ -11,10 +11,10 @@ from helpers_mesh import grid
 from helpers_process import process
 from helpers_system import make_system, region
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from tmc_vem.solve.linear import LinearSolver, preset_names, read_options
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.petsc import PETSc
 
 FACTORISING = ("direct", "reproducible")
 
@@ -202,7 +202,7 @@ def test_rigid_motions_of_a_free_body_are_not_negative_whatever_rounding_says(pr
 def test_a_solver_that_lives_as_long_as_its_process_does_not_crash_it() -> None:
     """PETSc is finalised after Python: a preconditioner written in Python has to be gone by then."""
     code = (
-        "from petsc4py import PETSc\n"
+        "from tmc_vem.support.petsc import PETSc\n"
         "from tmc_vem.solve.linear import LinearSolver\n"
         "matrix = PETSc.Mat().createAIJ([2, 2], nnz=2, comm=PETSc.COMM_SELF)\n"
         "for i in (0, 1): matrix.setValue(i, i, 2.0)\n"

@@ -19,9 +19,9 @@ OPTIONAL = {
 @click.command("info")
 def info() -> None:
     """Print versions and what is available on this machine."""
-    import petsc4py
+    from tmc_vem.support.petsc_start import start
 
-    petsc4py.init(["tmc-vem"])
+    start(["tmc-vem"])
     from mpi4py import MPI
 
     from codegen.build import cache_directory, compiler

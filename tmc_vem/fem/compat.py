@@ -1,7 +1,8 @@
 """The one place that knows versions of dolfinx.
 
-Tested with 0.5.2 (Debian 12) and 0.9.0 (Debian 13). 0.6 to 0.8 and 0.10 are mapped from their documentation; every
-other version is refused. Nothing else in the package imports dolfinx, basix or ufl before :func:`require` has passed.
+Tested with 0.5.2 (Debian 12), 0.9.0 (Debian 13) and 0.11.0 (wheels). 0.6 to 0.8 and 0.10 are mapped from their
+documentation; every other version is refused. Nothing else in the package imports dolfinx, basix or ufl before
+:func:`require` has passed.
 """
 
 from __future__ import annotations
@@ -20,12 +21,16 @@ from numpy.typing import NDArray
 from tmc_vem.fem.jit_lock import no_stale_locks
 from tmc_vem.support.distributed import Comm, Mat
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.petsc_start import start
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-OLDEST, NEWEST = (0, 5), (0, 10)
-INSTALL = "apt-get install python3-dolfinx-real (Debian) or conda install -c conda-forge fenics-dolfinx"
+OLDEST, NEWEST = (0, 5), (0, 11)
+INSTALL = (
+    "pip install 'tmc-vem[wheels]' (Python 3.12 or newer), apt-get install python3-dolfinx-real (Debian) or "
+    "conda install -c conda-forge fenics-dolfinx"
+)
 TRIANGLE, QUADRILATERAL = "triangle", "quadrilateral"
 
 # -O2 is what dolfinx uses anyway; a tangent with facet terms takes longer to compile than dolfinx's limit of 10 s.
@@ -40,17 +45,14 @@ def require() -> tuple[int, int]:
         Major and minor version.
 
     Raises:
-        InputError: dolfinx is missing, too old, too new or built for complex numbers; one line that says what to do.
+        InputError: dolfinx or PETSc is missing, dolfinx is too old or too new, or PETSc is built for complex numbers.
     """
+    start()  # MPI and PETSc, for real numbers
     try:
         dolfinx = importlib.import_module("dolfinx")
-    except ImportError as error:
+    except (ImportError, OSError) as error:
         raise InputError(f"the finite element method needs dolfinx ({error}): {INSTALL}") from None
     version = parse_version(dolfinx.__version__)
-    from petsc4py import PETSc
-
-    if np.issubdtype(PETSc.ScalarType, np.complexfloating):
-        raise InputError(f"dolfinx is built for complex numbers here; the real build is needed: {INSTALL}")
     importlib.import_module("dolfinx.fem.petsc")
     return version
 
@@ -65,7 +67,7 @@ def parse_version(text: str) -> tuple[int, int]:
     version = (int(found[1]), int(found[2])) if found else (-1, -1)
     if not OLDEST <= version <= NEWEST:
         low, high = (".".join(map(str, v)) for v in (OLDEST, NEWEST))
-        raise InputError(f"dolfinx {text} is not supported: use {low} to {high} ({low}.2 and 0.9 are tested)")
+        raise InputError(f"dolfinx {text} is not supported: use {low} to {high} ({low}.2, 0.9 and 0.11 are tested)")
     return version
 
 
@@ -95,7 +97,10 @@ def create_mesh(comm: Comm, cell: str, cells: Int, points: Float) -> Any:
     domain = ufl.Mesh(coordinates)
     if version < (0, 6):
         return mesh.create_mesh(comm, cells, points, domain)  # its default is what is asked for here
-    shared = mesh.create_cell_partitioner(mesh.GhostMode.shared_facet)
+    if version >= (0, 11):  # how many cells share a facet at most; it is asked for as on a border there may be one
+        shared = mesh.create_cell_partitioner(mesh.GhostMode.shared_facet, 2)
+    else:
+        shared = mesh.create_cell_partitioner(mesh.GhostMode.shared_facet)
     if version >= (0, 10):
         return mesh.create_mesh(comm, cells=cells, x=points, e=domain, partitioner=shared)
     return mesh.create_mesh(comm, cells, points, domain, partitioner=shared)
@@ -236,6 +241,12 @@ def mesh_tags(mesh: Any, dimension: int, entities: NDArray[Any], values: NDArray
 
     order = np.argsort(entities, kind="stable")
     return meshtags(mesh, dimension, entities[order].astype(np.int32), values[order].astype(np.int32))
+
+
+def cell_nodes(mesh: Any, n_cells: int) -> NDArray[Any]:
+    """(n_cells, 3 or 4) nodes of the geometry of the local cells."""
+    geometry = mesh.geometry
+    return rows(geometry.dofmaps(0) if require() >= (0, 11) else geometry.dofmap, n_cells)
 
 
 def neighbours(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -15,7 +15,7 @@ from tmc_vem.support.version import VERSION
 
 def versions(n_ranks: int = 1) -> dict[str, Any]:
     """Versions and machine as plain values for result files."""
-    from petsc4py import PETSc
+    from tmc_vem.support.petsc import PETSc
 
     return {
         "tmc-vem": VERSION,

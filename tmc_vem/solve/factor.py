@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from petsc4py import PETSc
-
 from tmc_vem.support.distributed import Ksp, Pc
+from tmc_vem.support.petsc import PETSc
 
 WORK_SPACE_TOO_SMALL = (-8, -9, -14, -15)  # ICNTL(14), the percentage by which it exceeds the estimate, is too low
 NO_MEMORY = (-13, -19)

@@ -14,11 +14,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from petsc4py import PETSc
-
 from tmc_vem.solve.factor import FactorState, factor_state, factorise
 from tmc_vem.support.distributed import Comm, Ksp, Mat, Vec
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.petsc import PETSc
 
 PREFIX = "tmc_"
 DIRECT = "direct"
