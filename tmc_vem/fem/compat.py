@@ -21,16 +21,13 @@ from numpy.typing import NDArray
 from tmc_vem.fem.jit_lock import no_stale_locks
 from tmc_vem.support.distributed import Comm, Mat
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.optional import load
 from tmc_vem.support.petsc_start import start
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
 OLDEST, NEWEST = (0, 5), (0, 11)
-INSTALL = (
-    "pip install 'tmc-vem[wheels]' (Python 3.12 or newer), apt-get install python3-dolfinx-real (Debian) or "
-    "conda install -c conda-forge fenics-dolfinx"
-)
 TRIANGLE, QUADRILATERAL = "triangle", "quadrilateral"
 
 # -O2 is what dolfinx uses anyway; a tangent with facet terms takes longer to compile than dolfinx's limit of 10 s.
@@ -48,10 +45,7 @@ def require() -> tuple[int, int]:
         InputError: dolfinx or PETSc is missing, dolfinx is too old or too new, or PETSc is built for complex numbers.
     """
     start()  # MPI and PETSc, for real numbers
-    try:
-        dolfinx = importlib.import_module("dolfinx")
-    except (ImportError, OSError) as error:
-        raise InputError(f"the finite element method needs dolfinx ({error}): {INSTALL}") from None
+    dolfinx = load("dolfinx", "the finite element method needs")
     version = parse_version(dolfinx.__version__)
     importlib.import_module("dolfinx.fem.petsc")
     return version
@@ -146,12 +140,24 @@ def rows(adjacency: Any, n_rows: int) -> NDArray[Any]:
 
 
 def form(expression: Any) -> Any:
-    """Compile a form; the result is kept in dolfinx' cache, so that the next run finds it there."""
+    """Compile a form; the result is kept in dolfinx' cache, so that the next run finds it there.
+
+    Raises:
+        InputError: the compiler failed, on rank 0 where it is called.
+    """
+    from cffi import VerificationError
     from dolfinx import fem
 
     option = "jit_options" if require() >= (0, 6) else "jit_params"
-    with _quiet():
-        return fem.form(expression, **{option: JIT_OPTIONS})
+    try:
+        with _quiet():
+            return fem.form(expression, **{option: JIT_OPTIONS})
+    except VerificationError as error:  # what distutils said
+        raise InputError(f"a form could not be compiled: {str(error).splitlines()[0]}") from None
+    except RuntimeError as error:
+        if "just-in-time" not in str(error):
+            raise
+        raise InputError("a form could not be compiled: rank 0 says why") from None
 
 
 @contextmanager
@@ -246,7 +252,7 @@ def mesh_tags(mesh: Any, dimension: int, entities: NDArray[Any], values: NDArray
 def cell_nodes(mesh: Any, n_cells: int) -> NDArray[Any]:
     """(n_cells, 3 or 4) nodes of the geometry of the local cells."""
     geometry = mesh.geometry
-    return rows(geometry.dofmaps(0) if require() >= (0, 11) else geometry.dofmap, n_cells)
+    return rows(geometry.dofmaps[0] if require() >= (0, 11) else geometry.dofmap, n_cells)
 
 
 def neighbours(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -12,6 +12,8 @@ from typing import Any
 
 from tmc_vem.support.version import VERSION
 
+DOLFINX = ("fenics-dolfinx", "dolfinx-solver-real", "dolfinx-solver-complex")  # packages that bring it
+
 
 def versions(n_ranks: int = 1) -> dict[str, Any]:
     """Versions and machine as plain values for result files."""
@@ -22,7 +24,8 @@ def versions(n_ranks: int = 1) -> dict[str, Any]:
         "revision": revision(),
         "python": platform.python_version(),
         "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
-        **{name: _version(name) for name in ("numpy", "sympy", "fenics-dolfinx")},
+        **{name: _version(name) for name in ("numpy", "sympy")},
+        "fenics-dolfinx": next((found for name in DOLFINX if (found := _version(name))), None),
         "machine": platform.machine(),
         "processor": _processor(),
         "ranks": n_ranks,
