@@ -24,7 +24,7 @@ MPI_SETTINGS = {
     "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
 }
 # more ranks than cores: who waits must not keep a core busy
-YIELD = {"OMPI_MCA_mpi_yield_when_idle": "1"}
+YIELD = {"OMPI_MCA_mpi_yield_when_idle": "1", "MPIR_CVAR_ENABLE_HEAVY_YIELD": "1"}
 RESULTS = Path(__file__).resolve().parent.parent / "runs" / "bench"
 
 
