@@ -255,6 +255,44 @@ def cell_nodes(mesh: Any, n_cells: int) -> NDArray[Any]:
     return rows(geometry.dofmaps[0] if require() >= (0, 11) else geometry.dofmap, n_cells)
 
 
+def plane_cells(mesh: Any) -> tuple[Int, str]:
+    """Nodes (n, 3 or 4) of the geometry of all local cells, and their kind.
+
+    Raises:
+        InputError: the mesh is not plane, or has other cells than triangles or quadrilaterals with straight sides.
+    """
+    topology = mesh.topology
+    if topology.dim != 2:
+        raise InputError(
+            f"the mesh has cells of dimension {topology.dim}: plane meshes of dimension 2 have a polygon mesh"
+        )
+    if len(set(mesh.geometry.x[:, 2].tolist())) > 1:
+        raise InputError("the mesh is not in the plane of x and y: its nodes have different z")
+    cells = topology.index_map(2)
+    nodes = cell_nodes(mesh, cells.size_local + cells.num_ghosts).astype(np.int64)
+    kind = mesh.ufl_domain().ufl_cell().cellname
+    cell = str(kind() if callable(kind) else kind)  # an attribute since 0.11
+    if nodes.shape[1] != len(tensor_order(cell)):
+        raise InputError(f"cells have {nodes.shape[1]} nodes: a polygon mesh needs straight sides, geometry of order 1")
+    return nodes, cell
+
+
+def corners(mesh: Any) -> tuple[Float, str]:
+    """Coordinates (n, 3 or 4, 2) of the corners of all local cells, in dolfinx' order, and the kind of cell."""
+    nodes, cell = plane_cells(mesh)
+    return np.asarray(mesh.geometry.x)[nodes, :2], cell
+
+
+def cell_and_position(mesh: Any, facets: Int) -> tuple[Int, Int]:
+    """A local cell of each facet (n,), and where among its facets it is (n,)."""
+    mesh.topology.create_connectivity(1, 2)
+    mesh.topology.create_connectivity(2, 1)
+    to_cells, to_facets = mesh.topology.connectivity(1, 2), mesh.topology.connectivity(2, 1)
+    cells = np.asarray(to_cells.array)[np.asarray(to_cells.offsets)[facets]].astype(np.int64)
+    around = rows(to_facets, len(np.asarray(to_facets.offsets)) - 1)[cells]
+    return cells, np.argmax(around == facets[:, None], axis=1)
+
+
 def neighbours(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     """Local facets between two cells, and these cells: (n,) and (n, 2)."""
     mesh.topology.create_entities(1)

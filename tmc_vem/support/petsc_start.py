@@ -33,9 +33,7 @@ def start(words: Sequence[str] | None = None) -> Any:
         InputError: petsc4py, mpi4py or the MPI library is missing, or PETSc is built for complex numbers.
     """
     if int(os.environ.get("MPI_LOCALNRANKS") or 0) > len(os.sched_getaffinity(0)):  # MPICH
-        os.environ.setdefault(
-            "MPIR_CVAR_ENABLE_HEAVY_YIELD", "1"
-        )  # who waits lets others work
+        os.environ.setdefault("MPIR_CVAR_ENABLE_HEAVY_YIELD", "1")  # who waits lets others work
     try:
         importlib.import_module("mpi4py.MPI")
         petsc4py = importlib.import_module("petsc4py")
