@@ -21,6 +21,6 @@ fi
 "$place/env/bin/pip" install -q --disable-pip-version-check "$wheel"
 cd "$place"
 env/bin/python -c 'import codegen, tmc_vem; print(tmc_vem.__version__, "in", tmc_vem.__path__[0])' | grep -F "$place"
-TMC_VEM_CACHE=$place/cache env/bin/tmc-vem run box --cells 8 4 --uy -0.2 --out box | grep -E '^(gap|reaction) '
+TMC_VEM_CACHE=$place/cache env/bin/tmc-vem run box --cells 20 5 --uy -0.2 --out box | grep -E '^(gap|reaction) '
 env/bin/tmc-vem list .
 ls -l "$out"
