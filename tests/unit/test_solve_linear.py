@@ -12,6 +12,8 @@ from helpers_process import process
 from helpers_system import make_system, region
 from mpi4py import MPI
 
+from tmc_vem import Box, RunOptions, run
+from tmc_vem.solve.factor import ORDERINGS
 from tmc_vem.solve.linear import LinearSolver, preset_names, read_options
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.petsc import PETSc
@@ -214,3 +216,21 @@ def test_a_solver_that_lives_as_long_as_its_process_does_not_crash_it() -> None:
     )
     done = process(["-c", code], timeout=60)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(("number", "name"), [(0, "AMD"), (4, "PORD"), (6, "QAMD")])
+def test_the_ordering_that_was_used_is_told(number: int, name: str) -> None:
+    database = PETSc.Options()
+    database.setValue("tmc_mat_mumps_icntl_7", number)
+    try:
+        solver = LinearSolver(matrix(np.full(400, 4.0)), PETSc.COMM_SELF, "direct")
+        assert solver.ordering == ""
+        assert solved(solver, solver.ksp.getOperators()[0])[0]
+        assert solver.ordering == name
+    finally:
+        database.delValue("tmc_mat_mumps_icntl_7")
+
+
+def test_results_have_the_ordering() -> None:
+    result = run(Box(cells=(20, 5), uy=-0.02), options=RunOptions(steps=1))
+    assert result.parallel["ordering"] in ORDERINGS.values()
