@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from helpers_mesh import with_boundary
 from helpers_system import CLAMPED, Float, interpolate, make_system
-from petsc4py import PETSc
 
 from codegen.integrand import Integrand, second_gradient_energy
 from tmc_vem.energy.registry import DENSITIES
 from tmc_vem.mesh import PolygonMesh
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.vem.blocks import RegionKernel
 from tmc_vem.vem.facets.compiled import compile_sides
 from tmc_vem.vem.kernel.cells import compile_cells

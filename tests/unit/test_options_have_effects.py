@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers_blocks import blocks
-from petsc4py import PETSc
 
 from tmc_vem import Box, Medium, RunOptions, RunResult, run
 from tmc_vem.cli import run as commands
@@ -22,6 +21,7 @@ from tmc_vem.problems import Bodies, CBox, Material, Problem, Punch
 from tmc_vem.problems.base import medium_region
 from tmc_vem.simulation import discretise, run_inputs
 from tmc_vem.simulation.problem_file import read_problem
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 

@@ -10,7 +10,6 @@ from typing import cast
 import numpy as np
 import pytest
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from tmc_vem import Box, Medium, RunOptions, prepare, run
 from tmc_vem.results.directory import RunDirectory
@@ -18,6 +17,7 @@ from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import read_fields, snapshots
 from tmc_vem.simulation.recorder import Recorder
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.support.timing import Timer
 from tmc_vem.system.fields import Fields, Polygons
 

@@ -10,7 +10,6 @@ import pytest
 from helpers_system import make_system, region
 from mpi4py import MPI
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
@@ -20,6 +19,7 @@ from tmc_vem.solve.budget import Budget
 from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Evaluation, RegionValues

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from numpy.typing import NDArray
-from petsc4py import PETSc
 from test_plausibility import findings, open_gap, record
 from test_report_contact import LOWER, UPPER, lowered, square, state
 
@@ -27,6 +26,7 @@ from tmc_vem.results.contact.contact import check_contact
 from tmc_vem.simulation.checkpoint import Checkpoint
 from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Evaluation, RegionValues
 

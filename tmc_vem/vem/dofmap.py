@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 from tmc_vem.mesh.spread.distribute import DistributedMesh
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.layout import DISPLACEMENT
 
 Int = NDArray[np.int64]

@@ -14,9 +14,9 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 from tmc_vem.support.distributed import Mat
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.support.petsc_arrays import compressed_rows, in_place
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.vem.blocks import CHUNK, Block

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from petsc4py import PETSc
 from scipy import sparse
 
 from tmc_vem.support.distributed import Comm, Mat
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.vem.blocks import Block
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 from tmc_vem.mesh.geometry import centroids
 from tmc_vem.mesh.locate import TOLERANCE
@@ -19,6 +18,7 @@ from tmc_vem.support.distributed import Mat, Vec
 from tmc_vem.support.errors import EvaluationError, InputError
 from tmc_vem.support.memory import give_back
 from tmc_vem.support.parallel import on_every_rank
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constrained import Constrained
 from tmc_vem.system.constraints import Prescribed, is_called
 from tmc_vem.system.control import Control

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 from tmc_vem.mesh.spread.distribute import DistributedMesh
 from tmc_vem.support.distributed import Comm, Vec
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.facets.batch import Faces
