@@ -41,7 +41,8 @@ def progress(console: Console, judged: Judged, number: int, total: int) -> None:
     """One line for a fault that has been judged."""
     place = f"{judged.mutant.file}:{judged.mutant.line}"
     style = {"survived": "red", "no tests": "red", "explained": "yellow"}.get(judged.status, "green")
-    by = f", {judged.outcome.by.rpartition('/')[2]}" if judged.outcome.by else ""
+    file, _, test = judged.outcome.by.partition("::")
+    by = f", {Path(file).name}::{test}" if test else ""
     told = f"{number:4d}/{total} [{style}]{judged.status:9s}[/] {judged.outcome.seconds:6.1f} s  "
     console.print(told + escape(f"{place} ({judged.mutant.operator}){by}"), soft_wrap=True, highlight=False)
     for name in judged.outcome.broken:
