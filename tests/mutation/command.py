@@ -108,11 +108,12 @@ def _faults(options: argparse.Namespace, console: Console) -> list[Mutant]:
         ValueError: there is no such source or result.
     """
     if options.again:
-        keys = show.survivors(options.again)
-        found = find(ROOT, keys)
-        if len(found) < len(set(keys)):
-            console.print(f"{len(set(keys)) - len(found)} of the faults have no place in the sources any more")
-        return sorted(found.values(), key=lambda mutant: (mutant.file, mutant.start))
+        survivors = show.survivors(options.again)
+        known = find(ROOT, [key for key, _ in survivors])
+        found = [min(known[key], key=lambda m: abs(m.line - line)) for key, line in survivors if key in known]
+        if len(found) < len(survivors):
+            console.print(f"{len(survivors) - len(found)} of the faults have no place in the sources any more")
+        return sorted(found, key=lambda mutant: (mutant.file, mutant.start))
     files = sources(ROOT)
     if options.only:
         files = [file for file in files if any(fnmatch.fnmatch(file, pattern) for pattern in options.only)]

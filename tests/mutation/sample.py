@@ -49,16 +49,16 @@ def draw(root: Path, files: Iterable[str], seed: int, number: int) -> list[Mutan
     return sorted(chosen, key=lambda mutant: (mutant.file, mutant.start))
 
 
-def find(root: Path, keys: Iterable[tuple[str, str, str]]) -> dict[tuple[str, str, str], Mutant]:
-    """Faults by file, lines before and lines after; those that no source has any more are missing."""
+def find(root: Path, keys: Iterable[tuple[str, str, str]]) -> dict[tuple[str, str, str], list[Mutant]]:
+    """Faults by file, lines before and lines after, wherever in the file; those that no source has are missing."""
     wanted = set(keys)
-    found: dict[tuple[str, str, str], Mutant] = {}
+    found: dict[tuple[str, str, str], list[Mutant]] = {}
     for file in sorted({key[0] for key in wanted}):
         if (root / file).is_file():
             text = (root / file).read_text()
             for mutant in mutants(sites(file, text), text):
                 if mutant.key in wanted:
-                    found.setdefault(mutant.key, mutant)
+                    found.setdefault(mutant.key, []).append(mutant)
     return found
 
 

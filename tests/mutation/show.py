@@ -41,7 +41,8 @@ def progress(console: Console, judged: Judged, number: int, total: int) -> None:
     """One line for a fault that has been judged."""
     place = f"{judged.mutant.file}:{judged.mutant.line}"
     style = {"survived": "red", "no tests": "red", "explained": "yellow"}.get(judged.status, "green")
-    by = f", {judged.outcome.by.rpartition('/')[2]}" if judged.outcome.by else ""
+    file, _, test = judged.outcome.by.partition("::")
+    by = f", {Path(file).name}::{test}" if test else ""
     told = f"{number:4d}/{total} [{style}]{judged.status:9s}[/] {judged.outcome.seconds:6.1f} s  "
     console.print(told + escape(f"{place} ({judged.mutant.operator}){by}"), soft_wrap=True, highlight=False)
     for name in judged.outcome.broken:
@@ -85,8 +86,8 @@ def write(path: Path, results: Iterable[Judged]) -> None:
     path.write_text(json.dumps(found, indent=1) + "\n")
 
 
-def survivors(path: Path) -> list[tuple[str, str, str]]:
-    """File, lines before and lines after of all that survived in an earlier run.
+def survivors(path: Path) -> list[tuple[tuple[str, str, str], int]]:
+    """What survived in an earlier run: file, lines before and lines after of each, and its line number then.
 
     Raises:
         ValueError: the file is not the result of a run.
@@ -94,6 +95,6 @@ def survivors(path: Path) -> list[tuple[str, str, str]]:
     try:
         stored = json.loads(path.read_text())
         unseen = [each["mutant"] for each in stored if each["status"] in (SURVIVED, "no tests")]
-        return [(each["file"], each["before"], each["after"]) for each in unseen]
+        return [((each["file"], each["before"], each["after"]), each["line"]) for each in unseen]
     except (KeyError, TypeError, json.JSONDecodeError) as error:
         raise ValueError(f"{path} is not the result of a mutation run ({error})") from error
