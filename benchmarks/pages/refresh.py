@@ -12,6 +12,7 @@ from pages.block import COSTS, AnyBlock, Block
 from pages.runs import ROOT, Batch, Kept, KeptRuns, Measure
 from tmc_vem.report.refresh import block_names, replaced, texts
 from tmc_vem.report.rounding import differences
+from tmc_vem.simulation.interrupt import Interrupted
 from tmc_vem.support.errors import InputError, TmcError
 
 HELP = """Write the numbers of README.md and docs anew from runs.
@@ -69,9 +70,10 @@ def chosen(found: Mapping[str, Sequence[AnyBlock]], names: Sequence[str], quick:
     if unknown:
         raise InputError(f"no page or block is called '{unknown[0]}': see scripts/refresh-numbers --list")
     wanted = [(p, b) for p, b in every if not names or p in names or b.name in names]
-    return sorted(
-        ((p, b) for p, b in wanted if not quick or b.cost == COSTS[0]), key=lambda pair: COSTS.index(pair[1].cost)
-    )
+    affordable = [(p, b) for p, b in wanted if not quick or b.cost == COSTS[0]]
+    if not affordable:
+        raise InputError(f"nothing in {', '.join(names)} takes seconds: leave out --quick")
+    return sorted(affordable, key=lambda pair: COSTS.index(pair[1].cost))
 
 
 def text_of(block: AnyBlock, measure: Measure, batch: Batch) -> str:
@@ -93,8 +95,10 @@ def refresh(
         _say(f"{page}, {block.name} ({block.cost})")
         try:
             new = text_of(block, measure, batch)
-        except TmcError as error:
-            failed.append(f"{page}, {block.name}: {error}")
+        except Interrupted:
+            raise
+        except (TmcError, ImportError, AssertionError) as error:
+            failed.append(f"{page}, {block.name}: {error or 'a run did not get where it should'}")
             continue
         document = (root / page).read_text()
         old = texts(document)[block.name]
