@@ -11,7 +11,7 @@ from pathlib import Path
 from pages.block import COSTS, AnyBlock, Block
 from pages.runs import ROOT, Batch, Kept, KeptRuns, Measure
 from tmc_vem.report.refresh import block_names, replaced, texts
-from tmc_vem.report.rounding import differences
+from tmc_vem.report.rounding import Difference, differences
 from tmc_vem.simulation.interrupt import Interrupted
 from tmc_vem.support.errors import InputError, TmcError
 
@@ -102,14 +102,19 @@ def refresh(
             continue
         document = (root / page).read_text()
         old = texts(document)[block.name]
-        if check:
-            stale += [f"{page}, {block.name}: {difference}" for difference in differences(old, new)]
-        elif new != old:
-            changes = differences(old, new)
-            stale += [f"{page}, {block.name}: {change}" for change in changes] or [f"{page}, {block.name}: rounding"]
+        found = differences(old, new)
+        if found or (new != old and not check):
+            stale += [f"{page}, {block.name}: {line}" for line in _lines(found)]
+        if new != old and not check:
             (root / page).write_text(replaced(document, block.name, new))
         _say(f"    {time.monotonic() - start:.0f} s")
     return stale, failed
+
+
+def _lines(found: Sequence[Difference], most: int = 8) -> list[str]:
+    """The first differences in words."""
+    left = len(found) - most
+    return [*map(str, found[:most]), *([f"and {left} more"] if left > 0 else [])] or ["rounding"]
 
 
 def _say(line: str) -> None:
