@@ -19,8 +19,9 @@ from tmc_vem.support.errors import InputError
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "benchmarks"))
 
+from pages import refresh as command  # noqa: E402
 from pages import runs, sources  # noqa: E402
-from pages.block import Block  # noqa: E402
+from pages.block import COSTS, Block  # noqa: E402
 from pages.refresh import chosen, pages, places, refresh  # noqa: E402
 
 CALLS: list[float] = []
@@ -132,6 +133,17 @@ def test_unknown_names_are_refused() -> None:
         chosen({"a.md": BLOCKS}, ["gapp"], quick=False)
     with pytest.raises(InputError, match="nothing in other takes seconds"):
         chosen({"a.md": BLOCKS}, ["other"], quick=True)
+
+
+def test_every_block_stands_in_a_page_and_is_filled() -> None:
+    registry = pytest.importorskip("pages.registry")
+    documents = pages()
+    found = places(documents, registry.BLOCKS)
+    assert {block.cost for blocks in found.values() for block in blocks} == set(COSTS)
+    for page, blocks in found.items():
+        texts = command.texts(documents[page])
+        for block in blocks:
+            assert re.search(r"\d", texts[block.name]), f"{page}, {block.name}"
 
 
 def test_measurements_depend_on_what_their_module_imports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
