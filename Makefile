@@ -12,10 +12,11 @@ export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMPI_MCA_rmaps_base_oversubscribe := 1
 export OMPI_MCA_mpi_yield_when_idle := 1
+export MPIR_CVAR_ENABLE_HEAVY_YIELD := 1
 export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 
-.PHONY: demo test test-slow test-paper test-trixie lint format bench bench-page numbers golden mutants docs pictures linkcheck setup \
-  clean
+.PHONY: demo test test-slow test-paper test-trixie test-wheels dist lint format bench bench-page numbers golden mutants docs \
+  pictures linkcheck setup clean
 
 demo: .venv/.ready ## solve the box; show gap, picture and where the report is
 	$(PYTHON) demos/demo_box.py
@@ -31,6 +32,12 @@ test-paper: .venv/.ready ## figures of the paper
 
 test-trixie: ## demo, docs and all tests on Debian 13 with dolfinx 0.9, in a chroot; needs root, and time
 	./scripts/test-trixie.sh
+
+test-wheels: ## first steps, package, demo, docs and all tests from wheels, as a user of a bare Debian 13; needs root, and time
+	./scripts/test-wheels.sh
+
+dist: .venv/.ready ## wheel and sdist into build/dist, checked, installed elsewhere and used there
+	./scripts/dist.sh
 
 lint: .venv/.ready ## style and types
 	.venv/bin/ruff check .

@@ -14,13 +14,13 @@ import numpy as np
 from harness import interleaved, report
 from meshes import DOFS_PER_CELL, region, square
 from mpi4py import MPI
-from petsc4py import PETSc
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.spread.distribute import distribute
 from tmc_vem.solve.linear import LinearSolver
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.vem.system import VemSystem
 

@@ -6,6 +6,7 @@ import json
 import os
 import platform
 import statistics
+import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,7 +25,7 @@ MPI_SETTINGS = {
     "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
 }
 # more ranks than cores: who waits must not keep a core busy
-YIELD = {"OMPI_MCA_mpi_yield_when_idle": "1"}
+YIELD = {"OMPI_MCA_mpi_yield_when_idle": "1", "MPIR_CVAR_ENABLE_HEAVY_YIELD": "1"}
 RESULTS = Path(__file__).resolve().parent.parent / "runs" / "bench"
 
 
@@ -83,8 +84,29 @@ def machine() -> dict[str, Any]:
         "cores": os.cpu_count(),
         "system": platform.platform(),
         "python": platform.python_version(),
+        "stack": stack(),
         "threads": os.environ.get("OMP_NUM_THREADS", "not set"),
     }
+
+
+def stack() -> str:
+    """Libraries that the time goes to, and the compiler."""
+    import numpy
+    from mpi4py import MPI
+
+    from codegen.build import compiler
+    from tmc_vem.fem import compat
+    from tmc_vem.support.petsc import PETSc
+
+    said = subprocess.run([*compiler(), "--version"], capture_output=True, text=True, check=False).stdout
+    parts = [
+        f"PETSc {'.'.join(map(str, PETSc.Sys.getVersion()))}",
+        "dolfinx " + ".".join(map(str, compat.require())),
+        MPI.Get_library_version().split(",")[0].splitlines()[0].strip(),
+        f"numpy {numpy.__version__}",
+        next(iter(said.splitlines()), "an unknown compiler"),
+    ]
+    return ", ".join(parts)
 
 
 def report(

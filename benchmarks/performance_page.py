@@ -133,7 +133,8 @@ def machine() -> str:
     facts = load("assembly")["machine"]
     return (
         f"{facts['processor']}, widest vectors {facts['vector_unit']}, {facts['cores']} cores of a virtual machine "
-        f"that others use too; {facts['system']}, Python {facts['python']}, OMP_NUM_THREADS={facts['threads']}."
+        f"that others use too; {facts['system']}, Python {facts['python']}, "
+        f"{facts.get('stack', 'libraries not noted')}, OMP_NUM_THREADS={facts['threads']}."
     )
 
 

@@ -18,11 +18,11 @@ import numpy as np
 from harness import interleaved, report
 from meshes import bend
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from tmc_vem.problems import Box, Medium
 from tmc_vem.simulation import RunOptions, discretise, run
 from tmc_vem.solve.linear import LinearSolver
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.vem.kernel.batch import Tangents
 
 EVENTS = {"symbolic": "MatCholFctrSym", "numeric": "MatCholFctrNum", "solve": "MatSolve"}

@@ -71,7 +71,7 @@ def _usable_directory(wanted: Path) -> Path:
 
 
 def compiler() -> tuple[str, ...]:
-    """Command of the C compiler: ``$CC``, else gcc or cc.
+    """Command of the C compiler: ``$CC``, else gcc, cc, clang, or the one in the Python package ziglang.
 
     Raises:
         CodegenError: there is none.
@@ -82,15 +82,28 @@ def compiler() -> tuple[str, ...]:
 @functools.cache
 def _find_compiler(wanted: str | None, search_path: str | None) -> tuple[str, ...]:
     try:
-        named = [shlex.split(wanted)] if wanted else [["gcc"], ["cc"]]
+        named = [shlex.split(wanted)] if wanted else [["gcc"], ["cc"], ["clang"]]
     except ValueError as error:
         raise CodegenError(f"CC={wanted} is no command ({error}); set CC to gcc or clang, with its arguments") from None
     for command in named:
         executable = shutil.which(command[0], path=search_path) if command else None
         if executable:
             return (executable, *command[1:])
-    tried = f"CC={wanted}" if wanted else "gcc and cc"
-    raise CodegenError(f"no C compiler found (tried {tried}): install gcc ('apt-get install gcc libc6-dev') or set CC")
+    zig = None if wanted else _zig()
+    if zig:
+        return (zig, "cc")
+    tried = f"CC={wanted}" if wanted else "gcc, cc, clang and the package ziglang"
+    raise CodegenError(
+        f"no C compiler found (tried {tried}): install gcc ('apt-get install gcc libc6-dev'), or without root "
+        "'pip install ziglang', or set CC"
+    )
+
+
+def _zig() -> str | None:
+    """The compiler that ``pip install ziglang`` brings, for machines without one and without root."""
+    package = importlib.util.find_spec("ziglang")
+    folder = next(iter(package.submodule_search_locations or ()), None) if package else None
+    return shutil.which("zig", path=folder) if folder else None
 
 
 @functools.cache

@@ -25,6 +25,7 @@ class Take(StrEnum):
 
     GRADIENT = "gradient"
     SECOND_GRADIENT = "second gradient"
+    JUMP = "jump"  # of the gradient, across a side
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ PAGES = (
     "docs/guide/tutorial.md",
     *(
         f"docs/howto/{name}.md"
-        for name in ("hanging-nodes", "own-mesh", "paraview", "probes", "restart", "solver-options")
+        for name in ("fenicsx", "hanging-nodes", "own-mesh", "paraview", "probes", "restart", "solver-options")
     ),
 )
 BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

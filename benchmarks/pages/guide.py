@@ -153,11 +153,11 @@ def other_cells(measure: Measure) -> str:
 
 def accuracy(measure: Measure) -> str:
     """Errors of kernels."""
-    from tmc_vem.energy import DENSITIES
+    from tmc_vem.energy import PAPER_DENSITIES
 
     rows = []
     for label, states in STATES.items():
-        found = [measure(kernel_accuracy.largest_errors, state, name) for state in states for name in DENSITIES]
+        found = [measure(kernel_accuracy.largest_errors, state, name) for state in states for name in PAPER_DENSITIES]
         rows.append([label, *(f"{max(column):.0e}" for column in zip(*found, strict=True))])
     return table(("states", "energy", "gradient", "Hessian"), rows)
 

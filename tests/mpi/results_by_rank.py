@@ -13,6 +13,7 @@ from mpi4py import MPI
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from helpers_mesh import hanging, voronoi
+from helpers_penalty import medium, penalised
 from helpers_system import CLAMPED, interpolate, make_system, problem_system, region
 
 from tmc_vem.mesh import PolygonMesh
@@ -69,7 +70,30 @@ def corner_fan() -> PolygonMesh:
     )
 
 
+def two_media() -> PolygonMesh:
+    """Voronoi cells of two regions."""
+    mesh = voronoi(40)
+    cells = [list(cell) for cell in mesh.cells()]
+    right = [int(mesh.points_vx[cell][:, 0].mean() > 0.5) for cell in cells]
+    return PolygonMesh.from_cells(
+        mesh.points_vx, cells, right, ("left", "right"), named_edges={"boundary": mesh.named_edges["boundary"]}
+    )
+
+
+VALUES = {"mu": 10.0, "gamma": 0.1, "alpha_r": 0.3, "beta": 2.0}
+ANGLE, HUHU = medium("medium_angle_damped"), medium("medium_huhu_lulu_damped")
+
 report: dict[str, Any] = {
+    "sides of two media": numbers(
+        make_system(
+            two_media(),
+            {"left": penalised(ANGLE, VALUES, "full"), "right": penalised(HUHU, {**VALUES, "gamma": 0.2}, "full")},
+            [Prescribed("boundary", 0)],
+        )
+    ),
+    "sides, order 3": numbers(
+        make_system(hanging(3), penalised(ANGLE, VALUES, "penalty"), (), ElementSettings(order=3))
+    ),
     "voronoi": numbers(make_system(voronoi(30), SOLID, CLAMPED)),
     "voronoi, order 3": numbers(make_system(voronoi(30), SOLID, CLAMPED, ElementSettings(order=3))),
     "hanging": numbers(make_system(hanging(3), MEDIUM, [Prescribed("boundary", 0)])),

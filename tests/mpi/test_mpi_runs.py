@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers_process import clean_environment, process, tmc
+from helpers_process import MPIRUN, clean_environment, process, tmc
 
 PROBLEMS = {
     "box": ["box", "--cells", "20", "5", "--gamma", "1e-4"],
@@ -59,7 +59,7 @@ def started(out: Path, ranks: int, rows: int = 6) -> subprocess.Popen[bytes]:
     """A run under mpirun that has made some load steps."""
     command = [sys.executable, "-c", "from tmc_vem.cli.main import main; main()", *SLOW_BOX, "--out", str(out)]
     running = subprocess.Popen(
-        ["mpirun", "-n", str(ranks), *command],
+        [MPIRUN, "-n", str(ranks), *command],
         env=clean_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     deadline = time.monotonic() + 90

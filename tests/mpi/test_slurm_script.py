@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from helpers_process import clean_environment
+from helpers_process import MPIRUN, clean_environment
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "slurm-job.sh"
 BOX = ["box", "--cells", "20", "5", "--uy", "-0.3", "--steps", "150", "--snapshots", "0"]
@@ -22,7 +22,7 @@ def cluster(tmp_path: Path) -> dict[str, str]:
     """Environment of a job whose srun, scontrol and tmc-vem are small scripts."""
     programs = {
         # like srun, a signal to it goes to the tasks
-        "srun": 'while [[ "$1" == --* ]]; do shift; done\nexec mpirun -n "$SLURM_NTASKS" "$@"\n',
+        "srun": f'while [[ "$1" == --* ]]; do shift; done\nexec {MPIRUN} -n "$SLURM_NTASKS" "$@"\n',
         "scontrol": 'echo "$@" >> "$REQUESTS"\n',
         "tmc-vem": f'exec {sys.executable} -c "from tmc_vem.cli.main import main; main()" "$@"\n',
     }

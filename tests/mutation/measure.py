@@ -158,7 +158,8 @@ def _read_data(files: Iterable[Path], root: Path) -> dict[str, dict[str, int]]:
         data = CoverageData(basename=str(file))
         try:
             data.read()
-            executed = {measured: data.contexts_by_lineno(measured) for measured in data.measured_files()}
+            python = [measured for measured in data.measured_files() if measured.endswith(".py")]  # no templates
+            executed = {measured: data.contexts_by_lineno(measured) for measured in python}
         except DataError:  # of a process that was killed while it wrote
             continue
         for measured, lines in executed.items():

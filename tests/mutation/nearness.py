@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import difflib
 import re
 from collections.abc import Iterable, Iterator
@@ -11,9 +10,11 @@ from functools import cache, cached_property
 from pathlib import Path
 
 from mutation.measure import Record, digest, measured_text, record_path
+from mutation.places import Places, in_functions, lines_of, words_of_tests
 from mutation.site import Mutant
 
 BUDGET = 90.0  # seconds of tests for a fault, as measured
+MODULE = 20.0  # seconds of further tests that execute anything of its module
 FIRST, SECOND = 3.0, 20.0  # seconds of tests that come before all others, and before the rest
 OVERHEAD = 0.05  # seconds of a test beside its own duration
 NAMED = 5.0  # how much likelier a test file that is called like a module sees its faults
@@ -48,6 +49,11 @@ class Measured:
         return self.name.partition("::")[0]
 
     @property
+    def function(self) -> str:
+        """Name of the function."""
+        return self.name.rpartition("::")[2].partition("[")[0]
+
+    @property
     def alone(self) -> float:
         """Seconds that it takes if nothing is shared."""
         return self.seconds + sum(self.fixtures.values())
@@ -77,59 +83,64 @@ class Nearness:
 
     def near(self, mutant: Mutant) -> list[Measured]:
         """Tests for a fault in the order in which to run them; what takes too long is left out."""
-        chosen: list[Measured] = []
-        spent, made = 0.0, set[tuple[str, str]]()
-        for test in self._candidates(mutant):
-            more = _added(test, made)
-            if spent + more <= BUDGET or not chosen:
-                chosen.append(test)
-                spent += more
-                made |= {(test.file, name) for name in test.fixtures}
-        return in_turns(chosen)
+        chosen: dict[str, Measured] = {}
+        made: set[tuple[str, str]] = set()
+        for group, budget in self._groups(mutant):
+            spent = 0.0
+            for test in sorted(group, key=lambda test: self._cost(test, mutant.file)):
+                more = _added(test, made)
+                if test.name not in chosen and (spent + more <= budget or not chosen):
+                    chosen[test.name] = test
+                    spent += more
+                    made |= {(test.file, name) for name in test.fixtures}
+        return in_turns(chosen.values())
 
     def longest(self, file: str) -> float:
         """Seconds of the longest test of a file, with all that it shares with others."""
         return max((test.alone for test in self.tests.values() if test.file == file), default=0.0)
 
-    def _candidates(self, mutant: Mutant) -> Iterator[Measured]:
-        """All that may see it, the likeliest first, none twice."""
-        seen: set[str] = set()
+    def _groups(self, mutant: Mutant) -> Iterator[tuple[list[Measured], float]]:
+        """Tests that may see it, in groups, each with the seconds that it may take."""
         direct = list(self._of_lines(mutant))
+        yield self._naming(mutant), BUDGET
+        yield direct, BUDGET
         files = {test.file for test in direct}
-        companions = [test for test in self.tests.values() if test.file in files and _named(test, mutant.file)]
-        if direct:
-            groups = [direct, companions]
-        else:
-            whole = range(1, len(_lines(self.root / mutant.file)) + 1)
+        yield [test for test in self.tests.values() if test.file in files and _named(test, mutant.file)], BUDGET
+        # what is cached, or executed at the first import, is noted under another test than the one that looks at it
+        module = list(self._executing(mutant.file, range(1, len(lines_of(self.root / mutant.file)) + 1)))
+        yield module, MODULE
+        if not direct and not module:
             stem = Path(mutant.file).stem
-            groups = [
-                list(self._executing(mutant.file, whole)),
-                [
-                    test
-                    for test in self.tests.values()
-                    if _named(test, mutant.file) or _mentions(self.root / test.file, stem)
-                ],
-            ]
-        for group in groups:
-            for test in sorted(group, key=lambda test: self._cost(test, mutant.file)):
-                if test.name not in seen:
-                    seen.add(test.name)
-                    yield test
+            yield [test for test in self.tests.values() if _mentions(self.root / test.file, stem)], BUDGET
 
     def _of_lines(self, mutant: Mutant) -> Iterator[Measured]:
         """Tests that execute what the fault is in."""
         if not mutant.file.endswith(".py"):
             callers = next(files for folder, files in CALLERS.items() if mutant.file.startswith(folder))
             for caller in callers[:1]:
-                yield from self._executing(caller, _in_functions(self.root / caller))
+                yield from self._executing(caller, in_functions(self.root / caller))
             return
-        places = _Places.of(self.root / mutant.file)
+        places = Places.of(self.root / mutant.file)
         number = mutant.line + mutant.before[: _offset(mutant)].count("\n")
         if number not in places.inside:
             yield from self._using(mutant.file, places.names(number), places.function(number))
             return
         found = list(self._executing(mutant.file, [number]))
         yield from found or self._executing(mutant.file, places.statement(number))
+
+    def _naming(self, mutant: Mutant) -> list[Measured]:
+        """Tests that mention what a line outside functions gives a value."""
+        if not mutant.file.endswith(".py"):
+            return []
+        places = Places.of(self.root / mutant.file)
+        names = places.names(mutant.line) if mutant.line not in places.inside else set()
+        module = Path(mutant.file).stem
+        return [
+            test
+            for test in self.tests.values()
+            if names & words_of_tests(self.root / test.file).get(test.function, frozenset())
+            and _mentions(self.root / test.file, module)
+        ]
 
     def _using(self, file: str, names: set[str], function: range) -> Iterator[Measured]:
         """Tests that execute a line with one of these names, or of this function."""
@@ -138,9 +149,9 @@ class Nearness:
         if names:
             word = re.compile(rf"\b({'|'.join(sorted(names))})\b")
             for other in sorted({source for test in self.tests.values() for source in test.lines}):
-                if (self.root / other).is_file():
-                    inside = _in_functions(self.root / other)
-                    lines = _lines(self.root / other)
+                if other.endswith(".py") and (self.root / other).is_file():
+                    inside = in_functions(self.root / other)
+                    lines = lines_of(self.root / other)
                     groups.append((other, [n for n in inside if word.search(lines[n - 1])]))
         for other, numbers in groups:
             for test in self._executing(other, numbers):
@@ -189,66 +200,6 @@ def in_turns(tests: Iterable[Measured]) -> list[Measured]:
         turn = turns[(spent > FIRST) + (spent > SECOND)]
         turn.setdefault(test.file, []).append(test)
     return [test for turn in turns for group in turn.values() for test in group]
-
-
-@dataclass(frozen=True)
-class _Places:
-    """Statements and functions of a source by line."""
-
-    tree: ast.Module
-    inside: frozenset[int]
-
-    @classmethod
-    @cache
-    def of(cls, path: Path) -> _Places:
-        return cls(ast.parse(path.read_text()), _in_functions(path))
-
-    def statement(self, number: int) -> range:
-        """Lines of the smallest statement, without what is below it."""
-        found = range(number, number + 1)
-        for node in ast.walk(self.tree):
-            if isinstance(node, ast.stmt) and node.end_lineno and node.lineno <= number <= node.end_lineno:
-                body = getattr(node, "body", None)
-                end = body[0].lineno if body and body[0].lineno > node.lineno else node.end_lineno + 1
-                found = range(node.lineno, max(end, number + 1))
-        return found
-
-    def names(self, number: int) -> set[str]:
-        """What the statement of a line outside functions gives a value, class and field names included."""
-        found: set[str] = set()
-        for node in ast.walk(self.tree):
-            if not isinstance(node, ast.stmt) or not node.end_lineno or not node.lineno <= number <= node.end_lineno:
-                continue
-            targets = [node.target] if isinstance(node, ast.AnnAssign) else getattr(node, "targets", [])
-            named = {each.id for target in targets for each in ast.walk(target) if isinstance(each, ast.Name)}
-            if named:
-                found = named
-        return found
-
-    def function(self, number: int) -> range:
-        """Lines of the body of the function whose head, default values or decorators have a line."""
-        for node in ast.walk(self.tree):
-            if isinstance(node, ast.FunctionDef) and node.end_lineno:
-                first = min([node.lineno, *(each.lineno for each in node.decorator_list)])
-                if first <= number < node.body[0].lineno:
-                    return range(node.body[0].lineno, node.end_lineno + 1)
-        return range(0)
-
-
-@cache
-def _in_functions(path: Path) -> frozenset[int]:
-    """Lines of the bodies of functions: they are executed when these are called, others when the module is imported."""
-    return frozenset(
-        number
-        for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.FunctionDef) and node.end_lineno
-        for number in range(node.body[0].lineno, node.end_lineno + 1)
-    )
-
-
-@cache
-def _lines(path: Path) -> list[str]:
-    return path.read_text().splitlines()
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import ctypes
+import importlib.util
 import logging
 import os
 import signal
@@ -217,8 +218,30 @@ def test_a_missing_compiler_is_named(cache, monkeypatch):
         compile_energy(square, "square", ())
     monkeypatch.delenv("CC")
     monkeypatch.setenv("PATH", str(cache))
-    with pytest.raises(CodegenError, match=r"no C compiler found \(tried gcc and cc\): install gcc \('apt-get install"):
-        compile_energy(square, "square", ())
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    build._find_compiler.cache_clear()
+    wanted = r"tried gcc, cc, clang and the package ziglang\): install gcc \('apt-get install .*pip install ziglang"
+    with pytest.raises(CodegenError, match=wanted) as caught:
+        build.compiler()
+    assert "\n" not in str(caught.value)
+
+
+def test_without_a_compiler_that_of_the_package_ziglang_is_taken(cache, monkeypatch, tmp_path):
+    zig = tmp_path / "ziglang" / "zig"
+    zig.parent.mkdir()
+    zig.write_text("#!/bin/sh\n")
+    zig.chmod(0o755)
+    (zig.parent / "__init__.py").touch()
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delenv("CC", raising=False)
+    build._find_compiler.cache_clear()
+    assert build.compiler()[0].endswith("gcc")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert build.compiler() == (str(zig), "cc")
+    key = build._toolchain_key(build.compiler())
+    zig.write_text("#!/bin/sh\n# another version\n")
+    build._toolchain_key.cache_clear()
+    assert build._toolchain_key(build.compiler()) != key
 
 
 def test_a_compiler_that_fails_is_quoted_and_leaves_nothing(cache, monkeypatch):

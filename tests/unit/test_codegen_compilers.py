@@ -20,7 +20,7 @@ from codegen.errors import CodegenError
 from codegen.integrand import second_gradient_energy
 from codegen.kernel import TANGENT, compile_energy
 from codegen.trace import trace
-from tmc_vem.energy import DENSITIES
+from tmc_vem.energy import PAPER_DENSITIES
 from tmc_vem.vem.kernel.cells import compile_cells
 from tmc_vem.vem.kernel.driver import CELL_DRIVER
 
@@ -39,7 +39,7 @@ def compilers() -> list[str]:
 
 @cache
 def c_source(name: str, driver: Driver | None) -> str:
-    energy = DENSITIES[name]
+    energy = PAPER_DENSITIES[name]
     traced = trace(second_gradient_energy(energy.density, energy.name, energy.parameters))
     return generate(traced, energy.description, driver=driver).c_source
 
@@ -54,7 +54,7 @@ def assert_silent(monkeypatch, directory: Path, compiler: str, name: str, driver
 
 
 @pytest.mark.parametrize("compiler", compilers())
-@pytest.mark.parametrize("name", DENSITIES)
+@pytest.mark.parametrize("name", PAPER_DENSITIES)
 def test_no_compiler_warns_about_a_kernel(monkeypatch, tmp_path, compiler, name):
     assert_silent(monkeypatch, tmp_path, compiler, name)
 
@@ -75,7 +75,7 @@ def test_nor_does_it_for_another_processor(monkeypatch, tmp_path, compiler, mach
 
 @pytest.mark.parametrize("compiler", compilers())
 def test_kernels_of_all_compilers_agree(monkeypatch, compiler):
-    energy, x_nx = DENSITIES["medium_angle_damped"], np.random.default_rng(1).uniform(-0.1, 0.1, (16, 12))
+    energy, x_nx = PAPER_DENSITIES["medium_angle_damped"], np.random.default_rng(1).uniform(-0.1, 0.1, (16, 12))
     values = {"mu": 2.0, "gamma": 1e-3, "alpha_r": 0.5, "beta": 5.0}
     results = []
     for command in ("gcc", compiler):

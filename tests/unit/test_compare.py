@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from tmc_vem.report.write import to_markdown
 from tmc_vem.results.records import StepRecord
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation import RunOptions
+from tmc_vem.study.batch import Job, Outcome
 from tmc_vem.study.compare import METHODS, cbox_study, compare, converged, voronoi_study
 from tmc_vem.study.paper import table2 as paper_table2
 from tmc_vem.study.paper import table3 as paper_table3
@@ -309,6 +311,17 @@ def test_reproducing_a_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert gaps == sorted(gaps, reverse=True)  # the gap falls with gamma
     with pytest.raises(InputError, match="no 'fig6'"):
         reproduce(["fig6"], tmp_path, command="")
+
+
+def test_what_failed_is_said_and_what_worked_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def some_fail(jobs: Sequence[Job], *_: object, **__: object) -> list[Outcome]:
+        return [Outcome(job, result(0.5) if n else None, "" if n else "no memory") for n, job in enumerate(jobs)]
+
+    monkeypatch.setattr("tmc_vem.study.paper.reproduce.run_batch", some_fail)
+    jobs = TARGETS["fig4"].jobs(True)
+    (page,) = reproduce(["fig4"], tmp_path, quick=True, command="")
+    assert f"{next(iter(jobs))} gave no result: no memory" in page.read_text()
+    assert len((tmp_path / "fig4.csv").read_text().splitlines()) == len(jobs), "a head and all but one"
 
 
 @pytest.mark.slow

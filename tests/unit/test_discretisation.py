@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from tmc_vem.fem.system import FemSystem
 from tmc_vem.support import distributed
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.vem.system import VemSystem
 

@@ -15,6 +15,7 @@ from codegen.sampling import REGIMES, from_vector, rotate, sample
 from codegen.trace import trace
 from tmc_vem.energy import (
     DENSITIES,
+    MEDIA,
     REGULARISERS,
     Regulariser,
     densities,
@@ -25,7 +26,7 @@ from tmc_vem.energy import (
 from tmc_vem.support.errors import InputError
 
 PARAMETERS = {"K": 20.0, "mu": 10.0, "gamma": 1e-3, "alpha_r": 0.7, "beta": 5.0}
-NOT_OBJECTIVE = {"medium_tangent", "medium_tangent_damped"}
+NOT_OBJECTIVE = {name for name in DENSITIES if "tangent" in name}
 TINY = 1e-30
 
 
@@ -61,7 +62,11 @@ def regulariser_by_hand(name: str, F: np.ndarray, G: np.ndarray) -> float:
         return 0.5 * float(np.sum(G**2))
     if name == "huhu_lulu":
         return 0.5 * float(np.sum(G**2) - 0.5 * laplacian @ laplacian)
-    angle = (lambda F: np.arctan(tangent_of_angle(F))) if name == "angle" else tangent_of_angle
+    if name.endswith("_log"):
+        grad_j = along_x(lambda F: np.log(np.linalg.det(F)), F, G)
+    if name == "huhu_log":
+        return 0.5 * float(np.sum(G**2) + grad_j @ grad_j)
+    angle = (lambda F: np.arctan(tangent_of_angle(F))) if name.startswith("angle") else tangent_of_angle
     grad = along_x(angle, F, G)
     return 0.5 * float(grad @ grad + grad_j @ grad_j)
 
@@ -69,10 +74,14 @@ def regulariser_by_hand(name: str, F: np.ndarray, G: np.ndarray) -> float:
 def by_hand(name: str, F: np.ndarray, G: np.ndarray) -> float:
     if name == "solid":
         return 0.5 * PARAMETERS["K"] * np.log(np.linalg.det(F)) ** 2 + isochoric_by_hand(F)
-    psi_r = regulariser_by_hand(name.removeprefix("medium_").removesuffix("_damped"), F, G)
+    regulariser = name.removeprefix("medium_").removeprefix("balanced_").removesuffix("_damped")
+    psi_r, psi_m = regulariser_by_hand(regulariser, F, G), isochoric_by_hand(F)
+    if "balanced" in name:
+        J, mu = np.linalg.det(F), PARAMETERS["mu"]
+        psi_m = mu / 2 * (J ** (-2 / 3) * (np.sum(F**2) + 2) - 4) + mu / 3 * (J - 1)
     if name.endswith("_damped"):
         psi_r *= np.exp(-PARAMETERS["beta"] * np.linalg.det(F))
-    return PARAMETERS["gamma"] * (isochoric_by_hand(F) + PARAMETERS["alpha_r"] * psi_r)
+    return PARAMETERS["gamma"] * (psi_m + PARAMETERS["alpha_r"] * psi_r)
 
 
 @pytest.mark.parametrize("name", DENSITIES)
@@ -188,6 +197,32 @@ def test_trace_is_three_dimensional():
         shifted = x.copy()
         shifted[0, a] = 1j * TINY
         assert np.imag(energy_density(densities.medium, shifted, PARAMETERS)[0]) / TINY == pytest.approx(0, abs=1e-14)
+
+
+@pytest.mark.parametrize("squeeze", [0.5, 0.1, 0.01])
+def test_the_balanced_medium_does_not_pull_its_sides_in(squeeze):
+    """Stress across a uniaxial squeeze, by complex step: mu/3 (s - s^(4/3)), and -mu/3 (1 - s^2) s^(-2/3) for (5)."""
+    x = np.zeros((1, 12), dtype=complex)
+    x[0, 0] = squeeze - 1.0
+    x[0, 3] = 1j * TINY
+    across = {name: np.imag(energy_density(density, x, PARAMETERS)[0]) / TINY for name, density in MEDIA.items()}
+    mu = PARAMETERS["mu"]
+    assert across["balanced"] == pytest.approx(mu / 3 * (squeeze - squeeze ** (4 / 3)), rel=1e-9)
+    assert across["isochoric"] == pytest.approx(mu / 3 * (1 - squeeze**2) * squeeze ** (-2 / 3), rel=1e-9)
+
+
+def test_log_regularisers_do_not_fade_where_the_medium_is_squeezed():
+    """The same gradient of the stretch relative to the stretch costs the same at any stretch; with grad J it fades."""
+    energies = {}
+    for name in ("angle", "angle_log"):
+        of = getattr(densities, name)
+        for squeeze in (1.0, 0.01):
+            x = np.zeros((1, 12))
+            x[0, 0] = squeeze - 1.0
+            x[0, 4] = 0.3 * squeeze  # G111
+            energies[name, squeeze] = energy_density(of, x, {})[0]
+    assert energies["angle_log", 0.01] == pytest.approx(0.045, rel=0.1)
+    assert energies["angle", 0.01] < 1e-3 * energies["angle", 1.0]
 
 
 # ---- Registry -------------------------------------------------------------------------------------------------------

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import re
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tmc_vem.moved import MOVED
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.petsc_start import start
 
 ROOT = Path(__file__).parents[2]
 
@@ -18,6 +22,35 @@ def test_only_compat_knows_versions_of_dolfinx() -> None:
     for path in (ROOT / "tmc_vem").rglob("*.py"):
         if path.name != "compat.py":
             assert "dolfinx.__version__" not in path.read_text(), path
+
+
+def test_only_one_module_imports_petsc4py() -> None:
+    """MPI has to be loaded before, and there is one place that sees to it."""
+    for package in ("tmc_vem", "codegen", "demos", "tests"):
+        for path in (ROOT / package).rglob("*.py"):
+            if path.name != "petsc_start.py" and path != Path(__file__):
+                assert not re.search(r"(import|from) petsc4py", path.read_text()), path
+
+
+def test_missing_petsc_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "petsc4py", None)
+    with pytest.raises(
+        InputError, match=r"petsc4py is not available .*pip install .*\[wheels\].*apt-get install"
+    ) as caught:
+        start()
+    assert "\n" not in str(caught.value)
+
+
+def test_complex_petsc_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(start(), "ScalarType", np.complex128)
+    with pytest.raises(InputError, match="built for complex numbers"):
+        start()
+
+
+def test_mpi_comes_first() -> None:
+    code = "import sys, tmc_vem.support.petsc; names = list(sys.modules); "
+    code += "sys.exit(names.index('mpi4py.MPI') > names.index('petsc4py'))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_importing_the_package_loads_nothing_heavy() -> None:

@@ -188,14 +188,14 @@ def test_tangents_go_to_their_places_in_a_sparse_matrix():
     starts = np.concatenate([[0], np.cumsum(lengths)])
     arguments = (starts[:-1:2].copy(), lengths[::2].astype(np.int32), np.arange(0, 2 * n_nodes, 2, dtype=np.int32))
     values = np.full(len(columns), 0.5)  # what is there is added to
-    tangents = Tangents(None, values, kernel.positions(batch, *arguments, columns), arguments[1])
+    tangents = Tangents(None, values, kernel.positions(batch.nodes_ca, *arguments, columns), arguments[1])
     kernel.cells(batch, u, kernel.parameter_array(PARAMETERS), None, tangents)
     found = np.zeros_like(expected)
     found[pattern] = values - 0.5
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
     columns[columns == arrays["nodes_ca"][7, 3] * 2] += 1
     with pytest.raises(ValueError, match="the matrix has no room for the tangent of cell"):
-        kernel.positions(batch, *arguments, columns)
+        kernel.positions(batch.nodes_ca, *arguments, columns)
 
 
 def test_levels_skip_what_is_not_asked_for():

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
 import pytest
 
+from tmc_vem.cli import mesh as commands
 from tmc_vem.cli.main import main
 from tmc_vem.mesh.files.io import read_mesh
+from tmc_vem.mesh.make.outline import Region
+from tmc_vem.mesh.make.voronoi import voronoi_mesh
+from tmc_vem.problems import Bodies, Box, CBox, Punch
 
 
 def call(capsys, *arguments):
@@ -93,3 +98,72 @@ def test_bad_input_is_one_line(arguments, message, capsys, tmp_path, monkeypatch
     assert code == 2
     assert message in err
     assert err.count("\n") == 1
+
+
+# -- what is generated -------------------------------------------------------------------------------------------------
+
+
+def generated(monkeypatch, *arguments):
+    """What a command would write."""
+    kept = []
+    monkeypatch.setattr(commands, "_write", lambda mesh, out: kept.append(mesh))
+    commands.generate.main([*arguments, "--out", "x.vtu"], standalone_mode=False)
+    return kept[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "extent", "choices"),
+    [
+        ((), (1.0, 1.0), {}),
+        (("--width", "1.5"), (1.5, 1.0), {}),
+        (("--height", "0.7"), (1.0, 0.7), {}),
+        (("--size", "0.2"), (1.0, 1.0), {"size": 0.2}),
+        (("--relaxation", "2"), (1.0, 1.0), {"relaxation": 2}),
+        (("--shortest", "0.4"), (1.0, 1.0), {"shortest": 0.4}),
+        (("--seed", "3"), (1.0, 1.0), {"seed": 3}),
+    ],
+)
+def test_a_rectangle_is_what_its_options_and_their_defaults_say(arguments, extent, choices, monkeypatch):
+    a, b, c, d = (0.0, 0.0), (extent[0], 0.0), extent, (0.0, extent[1])
+    wanted = {"size": 0.1, "relaxation": 10, "shortest": 0.15, "seed": 0, **choices}
+    expected = voronoi_mesh([Region("domain", [a, b, c, d])], wanted.pop("size"), **wanted)
+    mesh = generated(monkeypatch, "rectangle", *arguments)
+    assert np.array_equal(mesh.points_vx, expected.points_vx)
+    assert np.array_equal(mesh.cell_vertices, expected.cell_vertices)
+
+
+@pytest.mark.parametrize("kind", ["quadrilaterals", "triangles"])
+def test_sides_and_sizes_of_a_rectangle(kind, monkeypatch):
+    mesh = generated(monkeypatch, "rectangle", "--width", "2", "--size", "0.25", "--kind", kind)
+    assert set(mesh.n_sides_c) == {4 if kind == "quadrilaterals" else 3}
+    for name, axis, place, length, cells in (
+        ("bottom", 1, 0.0, 2.0, 8), ("right", 0, 2.0, 1.0, 4), ("top", 1, 1.0, 2.0, 8), ("left", 0, 0.0, 1.0, 4),
+    ):  # fmt: skip
+        ends = mesh.points_vx[mesh.named_edges[name]]
+        assert (ends[..., axis] == place).all()
+        assert np.ptp(ends[..., 1 - axis]) == length
+        assert len(ends) == cells
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (("box",), Box()),
+        (("box", "--cells", "20", "5"), Box(cells=(20, 5))),
+        (("box", "--refine-medium", "2"), Box(medium_refinement=2)),
+        (("cbox",), CBox()),
+        (("cbox", "--cells", "10", "5"), CBox(cells=(10, 5))),
+        (("cbox", "--refine-medium", "2"), CBox(medium_refinement=2)),
+        (("cbox", "--mesh", "quadrilaterals"), CBox(solid_cells="quadrilaterals")),
+        (("punch",), Punch()),
+        (("punch", "--size", "0.2"), Punch(size=0.2)),
+        (("punch", "--gap0", "0.5"), Punch(gap0=0.5)),
+        (("bodies",), Bodies()),
+        (("bodies", "--size", "0.08"), Bodies(size=0.08)),
+        (("bodies", "--discs", "2"), Bodies(discs=2)),
+        (("bodies", "--gap0", "0.15"), Bodies(gap0=0.15)),
+    ],
+)
+def test_the_meshes_of_the_paper_are_those_of_its_problems(arguments, problem, monkeypatch):
+    monkeypatch.setattr(type(problem), "make_mesh", lambda self: self)
+    assert generated(monkeypatch, *arguments) == problem

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers_process import process
 
 from tmc_vem import run
 from tmc_vem.cli.main import main
@@ -284,3 +286,106 @@ def test_a_geometry_of_gmsh_without_its_last_line_break(tmp_path: Path, capsys: 
     # gmsh's parser remembers it, but nobody else does
     (tmp_path / "a.geo").write_text(f'{text} Physical Surface("body") = {{1}};')
     assert read_mesh(tmp_path / "a.geo").region_names == ("body",)
+
+
+SQUARES = """*Part, name=P
+*Node
+1, 0., 0.
+2, 1., 0.
+3, 2., 0.
+4, 0., 1.
+5, 1., 1.
+6, 2., 1.
+*Element, type=CPE4
+1, 1, 2, 5, 4
+2, 2, 3, 6, 5
+{sets}
+*End Part
+*Assembly, name=A
+*Instance, name=I, part=P
+*End Instance
+*End Assembly
+"""
+
+
+@pytest.mark.parametrize(
+    ("row", "members"),
+    [("4", [4]), ("1, 3", [1, 2, 3]), ("1, 5, 2", [1, 3, 5]), ("2, 3\n6", [2, 3, 6]), ("2, 2, 7", [2])],
+)
+def test_rows_of_sets_that_are_generated(row: str, members: list[int], tmp_path: Path) -> None:
+    """First and last label and the step: one label alone is itself, and the step is 1 if it is left out."""
+    (tmp_path / "a.inp").write_text(SQUARES.format(sets=f"*Nset, nset=chosen, generate\n{row}"))
+    mesh = read_mesh(tmp_path / "a.inp", notes=[])
+    place = {1: (0, 0), 2: (1, 0), 3: (2, 0), 4: (0, 1), 5: (1, 1), 6: (2, 1)}
+    found = [v for name, v in mesh.named_points.items() if name.partition("#")[0] == "chosen"]
+    found += np.unique(mesh.named_edges.get("chosen", [])).astype(int).tolist()  # where they run along sides
+    assert sorted(map(tuple, mesh.points_vx[found].tolist())) == sorted(place[n] for n in members)
+
+
+@pytest.mark.parametrize("inner", ["ROUND", "I.ROUND"])
+def test_sets_that_contain_themselves_are_refused(inner: str, tmp_path: Path) -> None:
+    """By their name or that of their instance before it; sets in sets are not, up to some fifty."""
+    (tmp_path / "a.inp").write_text(SQUARES.format(sets=f"*Nset, nset=ROUND\n1\n*Nset, nset=ROUND\n{inner}"))
+    with pytest.raises(InputError, match="set 'ROUND' contains itself"):
+        read_mesh(tmp_path / "a.inp", notes=[])
+    chain = "".join(f"*Nset, nset=S{n}\nI.S{n - 1}\n" for n in range(1, 20))
+    (tmp_path / "b.inp").write_text(SQUARES.format(sets=f"*Nset, nset=S0\n5\n{chain}").replace("\n\n", "\n"))
+    mesh = read_mesh(tmp_path / "b.inp", notes=[])
+    assert mesh.points_vx[mesh.named_points["S19"]].tolist() == [1, 1]
+
+
+def test_all_solid_cells_of_a_file_are_counted_by_their_type(tmp_path: Path) -> None:
+    corners = "0 0 0 1 0 0 1 1 0 0 1 0 0 0 1 1 0 1 1 1 1 0 1 1"
+    text = f"""# vtk DataFile Version 3.0
+solids
+ASCII
+DATASET UNSTRUCTURED_GRID
+POINTS 8 double
+{corners}
+CELLS 4 23
+3 0 1 2
+4 0 1 2 4
+8 0 1 2 3 4 5 6 7
+4 0 2 3 4
+CELL_TYPES 4
+5 10 12 10
+"""
+    (tmp_path / "a.vtk").write_text(text)
+    with pytest.raises(InputError, match=r"solid cells \(2 of type tetrahedron, 1 of type hexahedron\)"):
+        read_mesh(tmp_path / "a.vtk", notes=[])
+
+
+BOTH_LIBRARIES = """
+import sys
+from pathlib import Path
+import netCDF4, h5py
+import numpy as np
+from tmc_vem.mesh.files.netcdf import variables_of
+
+with netCDF4.Dataset("a.nc", "w") as data:
+    for name, size in (("n", 3), ("two", 2)):
+        data.createDimension(name, size)
+    data.createVariable("points", "f8", ("n", "two"))[:] = np.arange(6.0).reshape(3, 2)
+    data["points"].units = "mm"
+    data.createVariable("number", "i4", ("n",))[:] = [3, 4, 5]
+    data.createVariable("mesh", "i4", ())[...] = 7
+with h5py.File("b.nc", "w") as file:  # of another program, without names of dimensions
+    file["points"] = np.zeros((3, 2))
+one = variables_of(Path("a.nc"))
+sys.modules["netCDF4"] = None
+other = variables_of(Path("a.nc"))
+assert one["points"].dimensions == ("n", "two")
+for name, variable in one.items():
+    assert other[name].dimensions == variable.dimensions, name
+    assert np.array_equal(other[name].values, variable.values), name
+    assert other[name].text("units") == variable.text("units"), name
+assert variables_of(Path("b.nc"))["points"].dimensions == ("", "")
+"""
+
+
+def test_both_libraries_read_the_same_from_netcdf_4(tmp_path: Path) -> None:
+    """In a process of its own: their HDF5 is not that of dolfinx."""
+    if importlib.util.find_spec("netCDF4") is None or importlib.util.find_spec("h5py") is None:
+        pytest.skip("netCDF4 or h5py is missing")
+    ended = process(["-c", BOTH_LIBRARIES], cwd=tmp_path)
+    assert ended.returncode == 0, ended.stderr

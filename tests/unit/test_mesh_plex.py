@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from helpers_mesh import hanging, non_convex, voronoi
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from tmc_vem.mesh.spread.distribute import distribute
 from tmc_vem.mesh.spread.plex import cone_sizes, cones
+from tmc_vem.support.petsc import PETSc
 
 
 @pytest.mark.parametrize("mesh", [voronoi(9), hanging(3), non_convex()], ids=["Voronoi", "hanging", "non-convex"])

@@ -63,6 +63,17 @@ def test_a_cut_makes_two_parts() -> None:
     assert sorted(part.polygon().centroid.x for part in parts) == pytest.approx([0.5, 2.5])
 
 
+def test_parts_that_touch_in_a_point_keep_to_themselves() -> None:
+    """Squares at a common corner, four leaves between discs, and a square whose quarters alternate."""
+    squares = combine({"a": rectangle(0, 0, 1, 1), "b": rectangle(1, 1, 3, 2)}, {"both": "a + b"})
+    assert sorted(area([part]) for part in squares) == pytest.approx([1.0, 2.0])
+    assert [len(part.outline) for part in squares] == [4, 4]
+    discs = {name: disc(x, y, 1) for name, x, y in (("e", 1, 0), ("n", 0, 1), ("w", -1, 0), ("s", 0, -1))}
+    leaves = combine(discs, {"leaves": "(e + w) & (n + s)"})
+    assert [area([leaf]) for leaf in leaves] == pytest.approx([math.pi / 2 - 1] * 4)
+    assert all(len(leaf.outline) == 2 for leaf in leaves)
+
+
 @settings(max_examples=150, deadline=None)
 @given(
     shapes=st.lists(

@@ -269,9 +269,11 @@ def test_a_strong_test_kills_and_a_weak_one_does_not(tree: Tree, monkeypatch: py
 
     # lines move: the tests of a line are those that it had where it was
     moved = '"""A module."""\n\n' + MODULE
-    (tree.path / "tmc_vem/x.py").write_text(moved)
+    copy = tree.path.with_name("copy")
+    shutil.copytree(tree.path, copy)
+    (copy / "tmc_vem/x.py").write_text(moved)
     later = next(m for m in mutants(python_sites("tmc_vem/x.py", moved), moved) if m.after == "return a + b")
-    assert Nearness(tree.path, tests).near(later)[0].name == "tests/unit/test_x.py::test_strong"
+    assert Nearness(copy, tests).near(later)[0].name == "tests/unit/test_x.py::test_strong"
     (tree.path / "tests/unit/test_x.py").write_text(TESTS + "\n")
     assert measure.stale(tree.path, tests) == tests
 

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers_blocks import blocks
-from petsc4py import PETSc
 
 from tmc_vem import Box, Medium, RunOptions, RunResult, run
 from tmc_vem.cli import run as commands
@@ -22,6 +21,7 @@ from tmc_vem.problems import Bodies, CBox, Material, Problem, Punch
 from tmc_vem.problems.base import medium_region
 from tmc_vem.simulation import discretise, run_inputs
 from tmc_vem.simulation.problem_file import read_problem
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
@@ -30,6 +30,7 @@ from tmc_vem.vem.spaces.element_settings import ElementSettings
 # option and value -> where it must arrive
 MEDIUM = [
     (("--gamma", "3e-4"), "problem.medium.gamma", 3e-4),
+    (("--medium-energy", "balanced"), "problem.medium.energy", "balanced"),
     (("--alpha-r", "0.3"), "problem.medium.alpha_r", 0.3),
     (("--alpha", "2.5"), "problem.medium.alpha", 2.5),
     (("--beta", "1.5"), "problem.medium.beta", 1.5),
@@ -55,6 +56,8 @@ METHOD = [
     (("--method", "fem", "--quadrature", "7"), "settings.fem.quadrature", 7),
     (("--method", "fem", "--interior-penalty", "full"), "settings.fem.interior_penalty", "full"),
     (("--method", "fem", "--eta", "3"), "settings.fem.eta", 3.0),
+    (("--interior-penalty", "penalty"), "settings.element.interior_penalty", "penalty"),
+    (("--eta", "3"), "settings.element.eta", 3.0),
     (("--method", "fem", "--triangles"), "settings.fem.triangles", True),
     (("--checkpoint-every", "5"), "settings.checkpoint_every", 5),
     (("--snapshots", "3"), "settings.snapshots", 3),
@@ -214,7 +217,7 @@ def test_every_parameter_of_a_medium_changes_its_energy(tmp_path: Path) -> None:
     changes: dict[str, dict[str, Any]] = {
         "gamma": {"gamma": 1e-4}, "alpha_r": {"alpha_r": 2.0}, "beta": {"beta": 0.0},
         "regulariser": {"regulariser": "angle", "parameters": {}}, "parameters": {"parameters": {"kappa": 2.0}},
-        "alpha": {"alpha_r": None, "alpha": 2.5},
+        "alpha": {"alpha_r": None, "alpha": 2.5}, "energy": {"energy": "balanced"},
     }  # fmt: skip
     assert set(changes) == {entry.name for entry in dataclasses.fields(Medium)}
     before = medium_region(Medium(**usual), 3.0, 0.5)
@@ -281,6 +284,7 @@ IN_FILES = {
     "h": ("gamma = 1e-4", "gamma = 1e-4, alpha = 2.5, h = 0.2"),
     "beta": ("gamma = 1e-4", "gamma = 1e-4, beta = 3"),
     "regulariser": ("gamma = 1e-4", 'gamma = 1e-4, regulariser = "huhu"'),
+    "energy": ("gamma = 1e-4", 'gamma = 1e-4, energy = "balanced"'),
     "parameters": ("gamma = 1e-4", 'gamma = 1e-4, regulariser = "own.py:bending", parameters = { kappa = 2 }'),
     "mu of the medium": ("1e-4, mu = 10", "1e-4, mu = 3"),
     "line": ("{ line = [[0, 0], [2, 0]] }", "{ line = [[0, 0], [0, 1]] }"),
@@ -391,7 +395,10 @@ def test_the_list_of_options_is_complete() -> None:
     assert {*IN_MEMORY, *NOT_HERE} == {entry.name for entry in dataclasses.fields(RunOptions)}
 
 
-ELEMENTS: dict[str, Any] = {"order": 3, "degree": 4, "quadrature": 8, "projection": "composite", "rule": "triangles"}
+ELEMENTS: dict[str, tuple[Any, Mapping[str, Any]]] = {
+    "order": (3, {}), "degree": (4, {}), "quadrature": (8, {}), "projection": ("composite", {}),
+    "rule": ("triangles", {}), "interior_penalty": ("penalty", {}), "eta": (5.0, {"interior_penalty": "penalty"}),
+}  # fmt: skip
 FINITE: dict[str, tuple[Any, Mapping[str, Any]]] = {
     "order": (3, {}), "quadrature": (6, {}), "interior_penalty": ("penalty", {}), "triangles": (True, {}),
     "eta": (5.0, {"interior_penalty": "penalty"}),
@@ -413,9 +420,9 @@ def noisy_energy(options: RunOptions) -> tuple[int, float]:
 
 def test_every_option_of_an_element_has_an_effect() -> None:
     assert set(ELEMENTS) == {entry.name for entry in dataclasses.fields(ElementSettings)}
-    plain = noisy_energy(RunOptions())
-    for name, value in ELEMENTS.items():
-        dofs, energy = noisy_energy(RunOptions(element=ElementSettings(**{name: value})))
+    for name, (value, others) in ELEMENTS.items():
+        plain = noisy_energy(RunOptions(element=ElementSettings(**others)))
+        dofs, energy = noisy_energy(RunOptions(element=ElementSettings(**{**others, name: value})))
         assert (dofs != plain[0]) == (name == "order"), name
         assert abs(energy - plain[1]) > 1e-8 * plain[1], name
 

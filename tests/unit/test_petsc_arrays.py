@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from petsc4py import PETSc
 
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.support.petsc_arrays import compressed_rows, in_place
 
 

@@ -7,6 +7,7 @@ import pytest
 import shapely
 from helpers_contact import slow_check
 
+from tmc_vem.results.contact import solids
 from tmc_vem.results.contact.contact import check_contact
 from tmc_vem.results.contact.distances import closed_gaps, distances_beyond
 from tmc_vem.results.contact.solids import Chains, Solids
@@ -250,6 +251,24 @@ def test_a_cell_that_winds_twice_crosses_itself():
     for displacement, crossed in ((lambda p: 0.1 * p[:, :2], False), (wound, True)):
         fields = state([corners], displacement)
         assert Solids(fields, fields.polygons.is_solid_c, 2, 8).crossed().tolist() == [crossed]
+
+
+def test_only_cells_of_doubtful_shape_are_looked_at_one_by_one(monkeypatch):
+    """A square, a ring with a slit, of which no point sees all, a bow tie, and one that has been turned over."""
+    ring = [(0, 0), (3, 0), (3, 3), (0, 3), (0, 1.1), (1, 1.1), (1, 2), (2, 2), (2, 1), (0, 1)]
+    cells = [square(5, 0), ring, square(7, 0), square(9, 0)]
+
+    def moved(p):
+        tie, over = p[:, 2] == 2, p[:, 2] == 3
+        return np.column_stack([-2 * (p[:, 0] - 7.5) * (tie * p[:, 1]) - 2 * (p[:, 0] - 9.5) * over, np.zeros(len(p))])
+
+    looked_at = []
+    real = solids._is_crossed
+    monkeypatch.setattr(solids, "_is_crossed", lambda sides: looked_at.append(len(sides)) or real(sides))
+    fields = state(cells, moved)
+    found = Solids(fields, fields.polygons.is_solid_c, 2, 8)
+    assert found.crossed().tolist() == [False, False, True, True]
+    assert looked_at == [10, 4, 4]
 
 
 def random_chains(rng, n=40, m=3):

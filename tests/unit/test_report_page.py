@@ -51,6 +51,13 @@ def test_html_needs_no_other_file(page: Page) -> None:
     assert base64.b64decode(uri.group(1)) == page.pictures[0].svg
 
 
+@pytest.mark.parametrize(("inline", "mime", "start"), [("svg", "svg+xml", b"<?xml"), ("png", "png", b"\x89PNG")])
+def test_a_picture_stands_in_the_page_in_the_format_that_it_says(inline: str, mime: str, start: bytes) -> None:
+    head, _, data = picture(_figure(), "line", "", inline=inline).uri.partition(",")
+    assert head == f"data:image/{mime};base64"
+    assert base64.b64decode(data).startswith(start)
+
+
 def test_equal_notes_share_a_number(page: Page) -> None:
     html = to_html(page)
     assert re.findall(r"(\d)<sup>(\d)</sup>", html) == [("1", "1"), ("2", "2"), ("3", "1")]

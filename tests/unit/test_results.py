@@ -10,7 +10,6 @@ from typing import cast
 import numpy as np
 import pytest
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from tmc_vem import Box, Medium, RunOptions, prepare, run
 from tmc_vem.results.directory import RunDirectory
@@ -18,6 +17,7 @@ from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import read_fields, snapshots
 from tmc_vem.simulation.recorder import Recorder
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.support.timing import Timer
 from tmc_vem.system.fields import Fields, Polygons
 
@@ -199,3 +199,18 @@ def test_a_run_without_a_result_knows_its_media(tmp_path: Path) -> None:
     assert not (tmp_path / "box" / "result.json").exists()
     assert list(RunResult.read(tmp_path / "box").media) == ["medium"]
     assert json.loads((tmp_path / "box" / "run.json").read_text())["media"] == ["medium"]
+
+
+@pytest.mark.parametrize(("name", "said"), [("run/x", ""), ("run/fields/x", " (run/fields/x)"), (None, "")])
+def test_what_cannot_be_written_is_named_unless_it_is_in_the_directory_itself(
+    name: str | None, said: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def fails(**_: object) -> None:
+        raise OSError(28, "No space left on device", name)
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("tempfile.TemporaryFile", fails)
+    with pytest.raises(InputError) as raised:
+        RunDirectory("run")
+    assert str(raised.value) == f"output directory run cannot be written: No space left on device{said}; choose another"
+    assert not Path("run").exists()

@@ -51,8 +51,8 @@ def test_every_field_says_what_it_is_and_the_docstring_has_it(cls: Any) -> None:
     ("cls", "name", "option"),
     [
         *((RunOptions, name, name) for name in ("method", "steps", "solver", "follow", "snapshots", "max_seconds")),
-        *((ElementSettings, name, name) for name in ("order", "degree", "projection", "rule")),
-        *((FemSettings, name, name) for name in ("interior_penalty", "eta", "triangles")),
+        *((ElementSettings, name, name) for name in ("order", "degree", "projection", "rule", "eta")),
+        *((FemSettings, name, name) for name in ("interior_penalty", "triangles")),
         *((Medium, name, name) for name in ("gamma", "alpha", "alpha_r", "regulariser", "beta", "parameters")),
     ],
 )

@@ -10,15 +10,16 @@ import pytest
 from helpers_system import make_system, region
 from mpi4py import MPI
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.parts import submesh, with_names
 from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
+from tmc_vem.solve.budget import Budget
 from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Evaluation, RegionValues
@@ -200,6 +201,34 @@ def test_a_branch_that_does_not_reach_the_load_ends() -> None:
     assert not result.complete
     assert len(steps) == 20
     assert "followed for 20 steps" in result.reason
+
+
+def test_attempts_that_led_to_nothing_are_counted() -> None:
+    """With a tangent that is too stiff nothing converges in few iterations: steps are halved down to the smallest."""
+
+    class Stiff(Truss):
+        def jacobian(self, u: Any, out: Any) -> None:
+            super().jacobian(u, out)
+            out.scale(3.0)
+
+    options = ArcOptions(first=0.1, smallest=0.002, max_iterations=3)
+    solver = NewtonSolver(Stiff(), NewtonOptions())
+    result = ArcLengthStepper(solver, options).run(solver.system.create_vector())
+    assert (result.complete, result.load, result.last) == (False, 0.0, None)
+    assert result.failed_attempts == 6, "0.1, 0.05, ... 0.003125"
+    assert result.failed_iterations == solver.iterations_done > 2 * result.failed_attempts
+
+
+@pytest.mark.parametrize("most", [1, 2, 7, 30])
+def test_no_iteration_is_lost_when_the_budget_ends(most: int) -> None:
+    solver, budget, steps = NewtonSolver(Truss()), Budget(iterations=most), list[Any]()
+    stepper = ArcLengthStepper(
+        solver, ArcOptions(), lambda step, *_: steps.append(step), lambda *_: budget.spend()
+    )  # fmt: skip
+    result = stepper.run(solver.system.create_vector())
+    assert "Newton iterations" in result.reason
+    done = sum(len(step.newton.iterations) + step.wasted_iterations for step in steps)
+    assert done + result.failed_iterations == solver.iterations_done == most
 
 
 def arch_system() -> Any:

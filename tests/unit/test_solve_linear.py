@@ -11,10 +11,12 @@ from helpers_mesh import grid
 from helpers_process import process
 from helpers_system import make_system, region
 from mpi4py import MPI
-from petsc4py import PETSc
 
+from tmc_vem import Box, RunOptions, run
+from tmc_vem.solve.factor import ORDERINGS
 from tmc_vem.solve.linear import LinearSolver, preset_names, read_options
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.petsc import PETSc
 
 FACTORISING = ("direct", "reproducible")
 
@@ -202,7 +204,7 @@ def test_rigid_motions_of_a_free_body_are_not_negative_whatever_rounding_says(pr
 def test_a_solver_that_lives_as_long_as_its_process_does_not_crash_it() -> None:
     """PETSc is finalised after Python: a preconditioner written in Python has to be gone by then."""
     code = (
-        "from petsc4py import PETSc\n"
+        "from tmc_vem.support.petsc import PETSc\n"
         "from tmc_vem.solve.linear import LinearSolver\n"
         "matrix = PETSc.Mat().createAIJ([2, 2], nnz=2, comm=PETSc.COMM_SELF)\n"
         "for i in (0, 1): matrix.setValue(i, i, 2.0)\n"
@@ -214,3 +216,21 @@ def test_a_solver_that_lives_as_long_as_its_process_does_not_crash_it() -> None:
     )
     done = process(["-c", code], timeout=60)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(("number", "name"), [(0, "AMD"), (4, "PORD"), (6, "QAMD")])
+def test_the_ordering_that_was_used_is_told(number: int, name: str) -> None:
+    database = PETSc.Options()
+    database.setValue("tmc_mat_mumps_icntl_7", number)
+    try:
+        solver = LinearSolver(matrix(np.full(400, 4.0)), PETSc.COMM_SELF, "direct")
+        assert solver.ordering == ""
+        assert solved(solver, solver.ksp.getOperators()[0])[0]
+        assert solver.ordering == name
+    finally:
+        database.delValue("tmc_mat_mumps_icntl_7")
+
+
+def test_results_have_the_ordering() -> None:
+    result = run(Box(cells=(20, 5), uy=-0.02), options=RunOptions(steps=1))
+    assert result.parallel["ordering"] in ORDERINGS.values()

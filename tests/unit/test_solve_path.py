@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers_system import make_system, problem_system, region
-from petsc4py import PETSc
 
 from tmc_vem import Box, Medium, RunOptions, run
 from tmc_vem.mesh import Rectangle, structured_quadrilaterals
@@ -20,6 +19,7 @@ from tmc_vem.solve.path import DECADE, Control, ControlPath, load_path
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constraints import Prescribed
 
 

@@ -5,6 +5,7 @@ The numbers are written out here on purpose: a tolerance that is changed should 
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,17 +14,19 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from numpy.typing import NDArray
-from petsc4py import PETSc
 from test_plausibility import findings, open_gap, record
 from test_report_contact import LOWER, UPPER, lowered, square, state
 
 from tmc_vem.mesh import PolygonMesh, Rectangle, structured_quadrilaterals
+from tmc_vem.mesh.check import find_faults
+from tmc_vem.mesh.faults import tolerance_of
 from tmc_vem.mesh.make.refine import refine
 from tmc_vem.mesh.make.weld import weld
 from tmc_vem.results.contact.contact import check_contact
 from tmc_vem.simulation.checkpoint import Checkpoint
 from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Evaluation, RegionValues
 
@@ -150,6 +153,23 @@ def test_vertices_are_welded_up_to_a_billionth_of_the_mesh(distance: float, is_o
     mesh = weld([grid(1, 1, (0.0, 1.0), scale), grid(1, 1, (1.0 + shift, 2.0), scale)])
     assert mesh.n_vertices == (6 if is_one else 8)
     assert mesh.edges.n_cells_e.tolist().count(2) == is_one
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+@pytest.mark.parametrize(("distance", "is_one"), [(INSIDE, True), (OUTSIDE, False)])
+def test_vertices_are_duplicates_up_to_a_billionth_of_the_mesh(distance: float, is_one: bool, scale: float) -> None:
+    """Two squares, together 2 wide; in whatever unit, as rounding goes with the coordinates."""
+    x = 1.0 + 2e-9 * distance
+    points = scale * np.array([[0, 0], [1, 0], [1, 1], [0, 1], [x, 0], [2, 0], [2, 1], [x, 1]])
+    mesh = PolygonMesh(points, np.array([0, 4, 8]), np.arange(8), [0, 0], ("a",), validate=False)
+    assert [fault.kind for fault in find_faults(mesh)].count("duplicate vertex") == (2 if is_one else 0)
+
+
+@pytest.mark.parametrize("place", [1e3, 1e9])
+def test_far_from_the_origin_vertices_are_duplicates_up_to_rounding(place: float) -> None:
+    mesh = grid(2, 2, (0.0, 1.0))
+    moved = dataclasses.replace(mesh, points_vx=mesh.points_vx + place)
+    assert tolerance_of(moved) == pytest.approx(max(1e-9, 8.0 * 2.0**-52 * (place + 1.0)), rel=1e-6)
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])

@@ -13,6 +13,7 @@ from helpers_system import interpolate, make_system, region
 
 from tmc_vem import Box, RunOptions, run
 from tmc_vem.mesh import PolygonMesh, Rectangle, structured_quadrilaterals
+from tmc_vem.mesh.files.io import read_mesh, write_mesh
 from tmc_vem.mesh.make.outline import Region
 from tmc_vem.mesh.make.triangles import triangle_mesh
 from tmc_vem.results.output import SnapshotWriter
@@ -110,10 +111,36 @@ def test_a_run_writes_both_and_gives_both_to_pyvista(tmp_path: Path) -> None:
 
 
 def test_what_pyvista_saves_is_read_as_a_mesh(tmp_path: Path) -> None:
-    from tmc_vem.mesh.files.io import read_mesh
-
     result = run(Box(cells=(20, 5), uy=-0.01), tmp_path / "run", RunOptions(steps=1, snapshots=1))
     result.to_pyvista().save(tmp_path / "saved.vtk")
     mesh = read_mesh(tmp_path / "saved.vtk")
     assert (mesh.n_cells, mesh.region_names) == (100, ("region_0", "region_1"))
     assert (mesh.n_sides_c == 4).all()
+
+
+@pytest.mark.parametrize("order", ["little", "big"])
+@pytest.mark.parametrize("header", ["UInt32", "UInt64"])
+@pytest.mark.parametrize("compressor", ["NONE", "ZLIB", "LZ4", "LZMA"])
+@pytest.mark.parametrize("mode", ["ascii", "binary", "appended, raw", "appended, encoded"])
+def test_files_in_any_encoding_of_vtk_are_read(
+    mode: str, compressor: str, header: str, order: str, tmp_path: Path
+) -> None:
+    """Blocks of 64 bytes: arrays have many, and the last is not full."""
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
+    mesh = skewed(5)
+    write_mesh(mesh, tmp_path / "a.vtu")
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(pyvista.read(tmp_path / "a.vtu"))
+    writer.SetFileName(str(tmp_path / "b.vtu"))
+    getattr(writer, f"SetDataModeTo{mode.partition(',')[0].capitalize()}")()
+    writer.SetEncodeAppendedData(mode.endswith("encoded"))
+    writer.SetCompressorType(getattr(writer, compressor))
+    getattr(writer, f"SetHeaderTypeTo{header}")()
+    writer.SetByteOrder(writer.LittleEndian if order == "little" else writer.BigEndian)
+    writer.SetBlockSize(64)
+    assert writer.Write()
+    found = read_mesh(tmp_path / "b.vtu")
+    assert np.array_equal(found.points_vx, mesh.points_vx)
+    assert np.array_equal(found.cell_vertices, mesh.cell_vertices)
+    assert found.region_names == mesh.region_names

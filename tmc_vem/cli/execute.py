@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.petsc_start import start
 
 PROGRAM = "tmc-vem"
 RESUME = "tmc_vem.resume"  # key in a context's meta: the run goes on from its checkpoint
@@ -84,15 +85,8 @@ def _start_petsc(options: str, clean_stdout: bool) -> None:
     """Start PETSc; its list of unused options, which newer versions print at the end, may be suppressed.
 
     Raises:
-        InputError: petsc4py is missing, or the options are not written as options.
+        InputError: PETSc is missing or of no use, or the options are not written as options.
     """
     words = _petsc_words(options)
-    try:
-        import petsc4py
-    except ImportError:
-        raise InputError(
-            "petsc4py is not available to this Python: install it ('apt-get install python3-petsc4py-real' on Debian) "
-            "and make the environment with --system-site-packages"
-        ) from None
     # where Python was started with -c, argv[0] would be an option to PETSc
-    petsc4py.init([PROGRAM, *words, *(["-options_left", "0"] if clean_stdout else [])])
+    start([PROGRAM, *words, *(["-options_left", "0"] if clean_stdout else [])])

@@ -1,44 +1,36 @@
-"""``tmc-vem info``: versions and what is available."""
+"""``tmc-vem info``: versions, what is available, what is missing and which command brings it."""
 
 from __future__ import annotations
 
-import importlib.util
-
 import click
-
-# what: (module, what for)
-OPTIONAL = {
-    "dolfinx": ("dolfinx", "--method fem"),
-    "gmsh": ("gmsh", "triangles, .geo files"),
-    "pandas": ("pandas", "RunResult.to_pandas"),
-    "pyvista": ("pyvista", "RunResult.to_pyvista"),
-    "sphinx": ("sphinx", "make docs"),
-}
 
 
 @click.command("info")
 def info() -> None:
-    """Print versions and what is available on this machine."""
-    import petsc4py
+    """Print versions, what is available on this machine, and which command brings what is missing."""
+    from tmc_vem.support.petsc_start import start
 
-    petsc4py.init(["tmc-vem"])
+    start(["tmc-vem"])
     from mpi4py import MPI
 
     from codegen.build import cache_directory, compiler
     from codegen.errors import CodegenError
     from tmc_vem.simulation.provenance import versions
+    from tmc_vem.solve.packages import described
+    from tmc_vem.support.optional import PACKAGES, python_headers, state
 
     if MPI.COMM_WORLD.rank:
         return
     rows = {name: str(value) for name, value in versions(MPI.COMM_WORLD.size).items() if name != "command"}
+    rows["MPI"] = MPI.Get_library_version().split(",")[0].splitlines()[0].strip()
+    rows["PETSc's solvers"] = described()
     try:
         rows["C compiler"] = " ".join(compiler())
         rows["kernel cache"] = str(cache_directory())
     except CodegenError as error:
         rows["C compiler"] = str(error)
-    for name, (module, purpose) in OPTIONAL.items():
-        found = importlib.util.find_spec(module)
-        rows[name] = f"{'available' if found else 'not installed'}: {purpose}"
+    rows["Python.h"] = python_headers()
+    rows |= {name: state(name) for name in PACKAGES}
     width = max(map(len, rows))
     for name, value in rows.items():
         click.echo(f"{name:<{width}}  {value}")

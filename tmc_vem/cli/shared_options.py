@@ -29,6 +29,7 @@ def medium_options(
             setting(Medium, "gamma", default=gamma),
             setting(Medium, "alpha", is_eager=True),
             setting(Medium, "alpha_r", callback=weight, optional=True, after=f" [default: {alpha_r:g}]"),
+            setting(Medium, "energy", "--medium-energy", "medium_energy"),
             setting(Medium, "regulariser", default=regulariser, metavar="NAME"),
             setting(Medium, "parameters", "--param", "parameters", multiple=True, metavar="NAME=VALUE"),
             setting(Medium, "beta", default=beta),
@@ -53,14 +54,14 @@ def element_options() -> list[click.Option]:
             ["--quadrature"], type=int, help=f"Quadrature degree. Default: 2 k (vem), {FemSettings.quadrature} (fem)."
         ),
         penalty_option(),
-        setting(FemSettings, "eta", before="fem:"),
+        setting(ElementSettings, "eta"),
         setting(FemSettings, "triangles", before="fem:"),
     ]
 
 
 def penalty_option(default: str = FemSettings.interior_penalty) -> click.Option:
     """Option of the interior penalty, with the default of a command."""
-    return setting(FemSettings, "interior_penalty", before="fem:", default=default)
+    return setting(FemSettings, "interior_penalty", default=default)
 
 
 def out_options() -> list[click.Option]:
@@ -159,6 +160,7 @@ def chosen_medium(options: dict[str, Any]) -> Medium:
         alpha_r=options["alpha_r"],
         alpha=options["alpha"],
         beta=options["beta"],
+        energy=options["medium_energy"],
         regulariser=options["regulariser"],
         parameters=parse_parameters(options["parameters"]),
     )
@@ -177,22 +179,19 @@ def method_settings(options: dict[str, Any]) -> dict[str, Any]:
             raise InputError("--projection belongs to --method vem: finite elements project nothing")
         if options["rule"] != "auto":
             raise InputError("--rule belongs to --method vem: finite elements have the rules of dolfinx")
-        quadrature = {} if options["quadrature"] is None else {"quadrature": options["quadrature"]}
+        given = {name: options[name] for name in ("quadrature", "eta") if options[name] is not None}
         return {
             "fem": FemSettings(
                 order=options["order"],
                 interior_penalty=options["interior_penalty"],
-                eta=options["eta"],
                 triangles=options["triangles"],
-                **quadrature,
+                **given,
             )
         }
-    if options["interior_penalty"] != "none" or options["triangles"]:
-        raise InputError("--interior-penalty and --triangles belong to --method fem")
-    element = ElementSettings(
-        options["order"], options["degree"], options["quadrature"], options["projection"], options["rule"]
-    )
-    return {"element": element}
+    if options["triangles"]:
+        raise InputError("--triangles belongs to --method fem")
+    names = ("order", "degree", "quadrature", "projection", "rule", "interior_penalty", "eta")
+    return {"element": ElementSettings(**{name: options[name] for name in names})}
 
 
 def parse_path(text: str) -> tuple[float, ...]:

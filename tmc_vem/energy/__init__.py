@@ -4,6 +4,9 @@ from typing import Any
 
 from tmc_vem.energy.registry import (
     DENSITIES,
+    MEDIA,
+    PAPER_DENSITIES,
+    PAPER_MEDIUM,
     REGULARISERS,
     Energy,
     Regulariser,
@@ -15,6 +18,9 @@ from tmc_vem.energy.registry import (
 
 __all__ = [
     "DENSITIES",
+    "MEDIA",
+    "PAPER_DENSITIES",
+    "PAPER_MEDIUM",
     "REGULARISERS",
     "Energy",
     "Regulariser",

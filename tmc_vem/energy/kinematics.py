@@ -38,6 +38,12 @@ def gradient_of_det(F: Tensor, G: Tensor) -> list[Scalar]:
     return [F[1][1] * G[0][0][k] - F[1][0] * G[0][1][k] - F[0][1] * G[1][0][k] + F[0][0] * G[1][1][k] for k in AXES]
 
 
+def gradient_of_log_det(F: Tensor, G: Tensor) -> list[Scalar]:
+    """grad ln J = grad J / J."""
+    inverse = 1 / det(F)
+    return [component * inverse for component in gradient_of_det(F, G)]
+
+
 def squared_norm(components: list[Scalar]) -> Scalar:
     """Sum of the squares of the components."""
     total = components[0] * components[0]

@@ -49,12 +49,21 @@ REGULARISERS: dict[str, Regulariser] = {
         Regulariser("huhu_lulu", densities.huhu_lulu, "(9)"),
         Regulariser("angle", densities.angle, "(15)"),
         Regulariser("tangent", densities.tangent, "(16)"),
+        Regulariser("angle_log", densities.angle_log),
+        Regulariser("huhu_log", densities.huhu_log),
     )
 }
 
 
+TABLE_1 = ("huhu", "huhu_lulu", "angle", "tangent")  # the paper's
+
+# What the medium is besides its regulariser: (5) of the paper, and one without stress across a squeeze.
+MEDIA: dict[str, Density] = {"isochoric": densities.medium, "balanced": densities.balanced}
+PAPER_MEDIUM = "isochoric"
+
+
 def get_regulariser(name: str) -> Regulariser:
-    """Regulariser of Table 1 by name.
+    """Regulariser by name.
 
     Raises:
         InputError: there is none of that name; the message lists the names.
@@ -68,13 +77,16 @@ def hyperelastic_solid() -> Energy:
     return Energy("solid", densities.solid, ("K", "mu"), "hyperelastic solid (2)")
 
 
-def energy_name(regulariser: Regulariser, damped: bool) -> str:
+def energy_name(regulariser: Regulariser, damped: bool, medium: str = PAPER_MEDIUM) -> str:
     """Name of the third medium's energy, used for kernels and golden files."""
-    return f"medium_{regulariser.name}{'_damped' if damped else ''}"
+    kind = "" if medium == PAPER_MEDIUM else f"{medium}_"
+    return f"medium_{kind}{regulariser.name}{'_damped' if damped else ''}"
 
 
-def third_medium(regulariser: Regulariser, *, damped: bool) -> Energy:
+def third_medium(regulariser: Regulariser, *, damped: bool, medium: str = PAPER_MEDIUM) -> Energy:
     """Third medium (4), ``gamma (psi_m + alpha_r psi_r)``; damped: ``psi_r`` times ``exp(-beta J)`` as in (8).
+
+    ``medium`` is one of :data:`MEDIA`, psi_m.
 
     The factor stands inside the energy, as in the paper's Appendix B, so the tangent is symmetric. ``alpha_r`` is
     a modulus times a length squared, that is a force: psi_m is an energy per volume, and the psi_r of Table 1 have the
@@ -90,30 +102,39 @@ def third_medium(regulariser: Regulariser, *, damped: bool) -> Energy:
         raise InputError(f"regulariser '{regulariser.name}': the medium has a parameter '{taken[0]}' too; rename it")
     facts = {key: value for key, value in declared(regulariser.density).items() if key in _PASSED_ON}
 
+    psi_m = MEDIA[medium]
+
     @declare(**facts)
     def density(F: Any, G: Any, p: Any, m: Any) -> Any:
         psi_r = regulariser.density(F, G, p, m)
         if damped:
             psi_r = m.exp(-p.beta * kin.det(F)) * psi_r
-        return p.gamma * (densities.medium(F, G, p, m) + p.alpha_r * psi_r)
+        return p.gamma * (psi_m(F, G, p, m) + p.alpha_r * psi_r)
 
+    kind = "third medium" if medium == PAPER_MEDIUM else f"{medium} third medium"
     damping = " with exp(-beta J)" if damped else ""
     return Energy(
-        energy_name(regulariser, damped),
+        energy_name(regulariser, damped, medium),
         density,
         (*own, *regulariser.parameters),
-        f"third medium (4) with regulariser {regulariser.name} {regulariser.equation}{damping}",
+        f"{kind} (4) with regulariser {regulariser.title}{damping}",
     )
 
 
+# All energies by name: the paper's, and those with our own medium or regularisers.
 DENSITIES: dict[str, Energy] = {
     energy.name: energy
     for energy in (
         hyperelastic_solid(),
         *(
-            third_medium(regulariser, damped=damped)
+            third_medium(regulariser, damped=damped, medium=medium)
+            for medium in MEDIA
             for regulariser in REGULARISERS.values()
             for damped in (False, True)
         ),
     )
+}
+PAPER_DENSITIES = {
+    name: DENSITIES[name]
+    for name in ("solid", *(energy_name(REGULARISERS[r], damped) for r in TABLE_1 for damped in (False, True)))
 }

@@ -1,7 +1,8 @@
 """The one place that knows versions of dolfinx.
 
-Tested with 0.5.2 (Debian 12) and 0.9.0 (Debian 13). 0.6 to 0.8 and 0.10 are mapped from their documentation; every
-other version is refused. Nothing else in the package imports dolfinx, basix or ufl before :func:`require` has passed.
+Tested with 0.5.2 (Debian 12), 0.9.0 (Debian 13) and 0.11.0 (wheels). 0.6 to 0.8 and 0.10 are mapped from their
+documentation; every other version is refused. Nothing else in the package imports dolfinx, basix or ufl before
+:func:`require` has passed.
 """
 
 from __future__ import annotations
@@ -20,12 +21,13 @@ from numpy.typing import NDArray
 from tmc_vem.fem.jit_lock import no_stale_locks
 from tmc_vem.support.distributed import Comm, Mat
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.optional import load
+from tmc_vem.support.petsc_start import start
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-OLDEST, NEWEST = (0, 5), (0, 10)
-INSTALL = "apt-get install python3-dolfinx-real (Debian) or conda install -c conda-forge fenics-dolfinx"
+OLDEST, NEWEST = (0, 5), (0, 11)
 TRIANGLE, QUADRILATERAL = "triangle", "quadrilateral"
 
 # -O2 is what dolfinx uses anyway; a tangent with facet terms takes longer to compile than dolfinx's limit of 10 s.
@@ -40,17 +42,11 @@ def require() -> tuple[int, int]:
         Major and minor version.
 
     Raises:
-        InputError: dolfinx is missing, too old, too new or built for complex numbers; one line that says what to do.
+        InputError: dolfinx or PETSc is missing, dolfinx is too old or too new, or PETSc is built for complex numbers.
     """
-    try:
-        dolfinx = importlib.import_module("dolfinx")
-    except ImportError as error:
-        raise InputError(f"the finite element method needs dolfinx ({error}): {INSTALL}") from None
+    start()  # MPI and PETSc, for real numbers
+    dolfinx = load("dolfinx", "the finite element method needs")
     version = parse_version(dolfinx.__version__)
-    from petsc4py import PETSc
-
-    if np.issubdtype(PETSc.ScalarType, np.complexfloating):
-        raise InputError(f"dolfinx is built for complex numbers here; the real build is needed: {INSTALL}")
     importlib.import_module("dolfinx.fem.petsc")
     return version
 
@@ -65,7 +61,7 @@ def parse_version(text: str) -> tuple[int, int]:
     version = (int(found[1]), int(found[2])) if found else (-1, -1)
     if not OLDEST <= version <= NEWEST:
         low, high = (".".join(map(str, v)) for v in (OLDEST, NEWEST))
-        raise InputError(f"dolfinx {text} is not supported: use {low} to {high} ({low}.2 and 0.9 are tested)")
+        raise InputError(f"dolfinx {text} is not supported: use {low} to {high} ({low}.2, 0.9 and 0.11 are tested)")
     return version
 
 
@@ -95,7 +91,10 @@ def create_mesh(comm: Comm, cell: str, cells: Int, points: Float) -> Any:
     domain = ufl.Mesh(coordinates)
     if version < (0, 6):
         return mesh.create_mesh(comm, cells, points, domain)  # its default is what is asked for here
-    shared = mesh.create_cell_partitioner(mesh.GhostMode.shared_facet)
+    if version >= (0, 11):  # how many cells share a facet at most; it is asked for as on a border there may be one
+        shared = mesh.create_cell_partitioner(mesh.GhostMode.shared_facet, 2)
+    else:
+        shared = mesh.create_cell_partitioner(mesh.GhostMode.shared_facet)
     if version >= (0, 10):
         return mesh.create_mesh(comm, cells=cells, x=points, e=domain, partitioner=shared)
     return mesh.create_mesh(comm, cells, points, domain, partitioner=shared)
@@ -141,12 +140,24 @@ def rows(adjacency: Any, n_rows: int) -> NDArray[Any]:
 
 
 def form(expression: Any) -> Any:
-    """Compile a form; the result is kept in dolfinx' cache, so that the next run finds it there."""
+    """Compile a form; the result is kept in dolfinx' cache, so that the next run finds it there.
+
+    Raises:
+        InputError: the compiler failed, on rank 0 where it is called.
+    """
+    from cffi import VerificationError
     from dolfinx import fem
 
     option = "jit_options" if require() >= (0, 6) else "jit_params"
-    with _quiet():
-        return fem.form(expression, **{option: JIT_OPTIONS})
+    try:
+        with _quiet():
+            return fem.form(expression, **{option: JIT_OPTIONS})
+    except VerificationError as error:  # what distutils said
+        raise InputError(f"a form could not be compiled: {str(error).splitlines()[0]}") from None
+    except RuntimeError as error:
+        if "just-in-time" not in str(error):
+            raise
+        raise InputError("a form could not be compiled: rank 0 says why") from None
 
 
 @contextmanager
@@ -236,6 +247,50 @@ def mesh_tags(mesh: Any, dimension: int, entities: NDArray[Any], values: NDArray
 
     order = np.argsort(entities, kind="stable")
     return meshtags(mesh, dimension, entities[order].astype(np.int32), values[order].astype(np.int32))
+
+
+def cell_nodes(mesh: Any, n_cells: int) -> NDArray[Any]:
+    """(n_cells, 3 or 4) nodes of the geometry of the local cells."""
+    geometry = mesh.geometry
+    return rows(geometry.dofmaps[0] if require() >= (0, 11) else geometry.dofmap, n_cells)
+
+
+def plane_cells(mesh: Any) -> tuple[Int, str]:
+    """Nodes (n, 3 or 4) of the geometry of all local cells, and their kind.
+
+    Raises:
+        InputError: the mesh is not plane, or has other cells than triangles or quadrilaterals with straight sides.
+    """
+    topology = mesh.topology
+    if topology.dim != 2:
+        raise InputError(
+            f"the mesh has cells of dimension {topology.dim}: plane meshes of dimension 2 have a polygon mesh"
+        )
+    if len(set(mesh.geometry.x[:, 2].tolist())) > 1:
+        raise InputError("the mesh is not in the plane of x and y: its nodes have different z")
+    cells = topology.index_map(2)
+    nodes = cell_nodes(mesh, cells.size_local + cells.num_ghosts).astype(np.int64)
+    kind = mesh.ufl_domain().ufl_cell().cellname
+    cell = str(kind() if callable(kind) else kind)  # an attribute since 0.11
+    if nodes.shape[1] != len(tensor_order(cell)):
+        raise InputError(f"cells have {nodes.shape[1]} nodes: a polygon mesh needs straight sides, geometry of order 1")
+    return nodes, cell
+
+
+def corners(mesh: Any) -> tuple[Float, str]:
+    """Coordinates (n, 3 or 4, 2) of the corners of all local cells, in dolfinx' order, and the kind of cell."""
+    nodes, cell = plane_cells(mesh)
+    return np.asarray(mesh.geometry.x)[nodes, :2], cell
+
+
+def cell_and_position(mesh: Any, facets: Int) -> tuple[Int, Int]:
+    """A local cell of each facet (n,), and where among its facets it is (n,)."""
+    mesh.topology.create_connectivity(1, 2)
+    mesh.topology.create_connectivity(2, 1)
+    to_cells, to_facets = mesh.topology.connectivity(1, 2), mesh.topology.connectivity(2, 1)
+    cells = np.asarray(to_cells.array)[np.asarray(to_cells.offsets)[facets]].astype(np.int64)
+    around = rows(to_facets, len(np.asarray(to_facets.offsets)) - 1)[cells]
+    return cells, np.argmax(around == facets[:, None], axis=1)
 
 
 def neighbours(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:

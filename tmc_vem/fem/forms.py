@@ -13,12 +13,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.integrand import DEFORMATION_GRADIENT, Integrand
-from codegen.layout import Take
+from codegen.integrand import Integrand
 from tmc_vem.fem import compat
-from tmc_vem.fem.maths import ufl_namespace
+from tmc_vem.fem.expressions import density, facet_energy, facet_width, require_medium
 from tmc_vem.fem.mesh import FemMesh
-from tmc_vem.support.errors import InputError
 from tmc_vem.system.fem_settings import FemSettings
 
 
@@ -69,7 +67,7 @@ def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], sett
     dx = ufl.Measure("dx", domain=domain, subdomain_data=cell_tags, metadata=metadata)
     parameters, eta, set_parameters = _parameters(domain, {name: regions[name] for name in names}, settings.eta)
     G = ufl.variable(ufl.grad(ufl.grad(u)))
-    densities = {name: _density(u, G, regions[name].integrand, parameters[name]) for name in names}
+    densities = {name: density(u, G, regions[name].integrand, parameters[name]) for name in names}
     cells = sum(densities[name] * dx(number) for number, name in enumerate(names))
 
     facets: dict[str, Any] = {}
@@ -77,14 +75,12 @@ def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], sett
         media = [name for name in names if regions[name].is_medium]
         facet_tags = _facet_tags(mesh, media)
         dS = ufl.Measure("dS", domain=domain, subdomain_data=facet_tags, metadata=metadata)
-        width = _width(mesh)
+        width = facet_width(domain, mesh.cell, mesh.areas_c)
         for tag, name in enumerate(media, start=1):
-            _require_medium_parameters(name, regions[name].integrand)
+            require_medium(name, regions[name].integrand)
             weight = eta * parameters[name].gamma * parameters[name].alpha_r / (2 * width)
             full = settings.interior_penalty == "full"
-            facets[name] = _interior_penalty(u, G, weight, parameters[name], densities[name] if full else None) * dS(
-                tag
-            )
+            facets[name] = facet_energy(u, G, weight, parameters[name], densities[name] if full else None) * dS(tag)
 
     potential = cells + sum(facets.values()) if facets else cells
     space = u.function_space
@@ -111,42 +107,6 @@ def _parameters(
     return parameters, factor, change
 
 
-def _density(u: Any, G: Any, integrand: Integrand, p: SimpleNamespace) -> Any:
-    """psi as a UFL expression; the integrand sees nested lists of components."""
-    import ufl
-
-    taken = {Take.GRADIENT: ufl.grad(u), Take.SECOND_GRADIENT: G}
-    return integrand.of_fields(lambda take: taken[take].__getitem__, p, ufl_namespace())
-
-
-def _interior_penalty(u: Any, G: Any, weight: Any, p: SimpleNamespace, density: Any | None) -> Any:
-    """Energy per length of facet: ``weight w |[[grad u]] n|^2``, and the consistency term if the density is given."""
-    import ufl
-
-    n = ufl.FacetNormal(u.function_space.mesh)
-    jump = ufl.jump(ufl.grad(u), n)
-    if hasattr(p, "beta"):
-        F = DEFORMATION_GRADIENT.of_field(ufl.grad(u).__getitem__)
-        weight = weight * ufl.avg(ufl.exp(-p.beta * (F[0][0] * F[1][1] - F[0][1] * F[1][0])))
-    energy = weight * ufl.inner(jump, jump)
-    if density is not None:
-        T = ufl.diff(density, G)
-        i, j, k = ufl.indices(3)
-        moment = ufl.as_vector(T[i, j, k] * n[j] * n[k], i)
-        energy = energy - ufl.inner(ufl.avg(moment), jump)
-    return energy
-
-
-def _width(mesh: FemMesh) -> Any:
-    """h of a facet: mean area of its two cells over its length, doubled for triangles; both give a square's side."""
-    import ufl
-
-    area = compat.cell_function(mesh.mesh, mesh.areas_c)
-    length = ufl.geometry.FacetJacobianDeterminant(mesh.mesh)
-    factor = 2 if mesh.cell == compat.TRIANGLE else 1
-    return factor * ufl.avg(area) / length("+")
-
-
 def _facet_tags(mesh: FemMesh, media: Sequence[str]) -> Any:
     """Number 1, 2, ... of the medium on facets between two of its cells."""
     facets, cells = compat.neighbours(mesh.mesh)
@@ -156,12 +116,3 @@ def _facet_tags(mesh: FemMesh, media: Sequence[str]) -> Any:
     for tag, number in enumerate(numbers, start=1):
         tags[(region == number).all(axis=1)] = tag
     return compat.mesh_tags(mesh.mesh, 1, facets[tags > 0], tags[tags > 0])
-
-
-def _require_medium_parameters(name: str, integrand: Integrand) -> None:
-    for wanted in ("gamma", "alpha_r"):
-        if wanted not in integrand.parameter_names:
-            raise InputError(
-                f"region '{name}': the interior penalty is weighted by gamma and alpha_r, but energy "
-                f"'{integrand.name}' has no parameter '{wanted}'; use interior penalty 'none'"
-            )

@@ -17,6 +17,8 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, TextIO
 
+from tmc_vem.fem import plain_library
+
 logger = logging.getLogger(__name__)
 
 SILENT = 2.0  # seconds to wait before saying what for
@@ -29,6 +31,8 @@ def no_stale_locks() -> Iterator[None]:
     original = jit.get_cached_module
     with ExitStack() as held:
         jit.get_cached_module = lambda *arguments, **named: _look(original, held, *arguments, **named)
+        if plain_library.needed():
+            held.enter_context(plain_library.plain_libraries(jit))
         try:
             yield
         finally:
@@ -52,6 +56,8 @@ def _look(
             if source.exists() and not ready.exists():
                 logger.info("%s was left over by a run that ended while it compiled the form", source)
                 source.unlink(missing_ok=True)
+    if ready.exists() and plain_library.is_plain(source.parent, module_name):
+        return plain_library.objects(source.parent, module_name, names)
     return original(module_name, names, cache_dir, timeout)
 
 

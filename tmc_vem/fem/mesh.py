@@ -94,7 +94,7 @@ def distribute(comm: Comm, make_mesh: Callable[[], PolygonMesh], *, triangles: b
     cell_map = mesh.topology.index_map(2)
     n_local = cell_map.size_local + cell_map.num_ghosts
     original = compat.original_cells(mesh)[:n_local]
-    nodes_cv = compat.rows(mesh.geometry.dofmap, n_local)
+    nodes_cv = compat.cell_nodes(mesh, n_local)
     vertices_cv = np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)[nodes_cv]
     points_cvx = np.asarray(mesh.geometry.x)[nodes_cv, :2]
     order = compat.tensor_order(cell)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 from codegen.integrand import Integrand
 from codegen.layout import Take
@@ -24,6 +23,7 @@ from tmc_vem.mesh.locate import TOLERANCE
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.distributed import Comm, Mat, Vec
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constrained import Constrained
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.system.control import Control

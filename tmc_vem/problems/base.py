@@ -70,7 +70,7 @@ def medium_region(medium: Medium, mu: float, h: float | None = None) -> RegionEn
         InputError: the medium has alpha, and the width is not known.
     """
     regulariser, parameters = medium.resolve()
-    energy = third_medium(regulariser, damped=medium.beta > 0.0)
+    energy = third_medium(regulariser, damped=medium.beta > 0.0, medium=medium.energy)
     weight = medium.weight(mu, h)
     values = {"mu": mu, "gamma": medium.gamma, "alpha_r": weight, "beta": medium.beta, **parameters}
     return RegionEnergy(energy, values, is_medium=True)

@@ -173,6 +173,7 @@ class MediumTable:
             none="the initial distance of the two points of the problem's ``gap``",
         ),
     )
+    energy: str = field(default=Medium.energy, metadata=same_as(Medium, "energy"))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "alpha_r", chosen_weight(self.alpha_r, self.alpha))

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.energy import REGULARISERS, energy_name
 from tmc_vem.mesh.interface import Interface, body_numbers, free_chains, interface, solid_angles
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.rigid import without_rounding
@@ -42,6 +43,11 @@ NEAR, NEAR_CORNER = 0.5, 0.75
 AT_CORNER = 0.1
 # Inner angle of a solid at a sharp corner, at most; arcs are divided into turns of 45 degrees or less.
 SHARP = np.deg2rad(130.0)
+DRAWS_NOTHING_IN = {
+    energy_name(REGULARISERS[regulariser], damped, "balanced")
+    for regulariser in ("angle_log", "huhu_log")
+    for damped in (False, True)
+}
 # Medium ends flush where surfaces are seen in directions that differ by 180 degrees up to this much: a quarter of the
 # gap's width beyond the bodies would make 53 degrees, an eighth 28.
 OPPOSITE = np.cos(np.deg2rad(28.0))
@@ -214,12 +220,17 @@ class _Scene:
         places = (self._point(first), self._point(second))
         return [
             Hint(
-                FLUSH, places, (medium, *solids), width, self._close(a, b, (second - first) / width, width),
+                FLUSH, places, (medium, *solids), width,
+                self._close(a, b, (second - first) / width, width) and self._draws_in(medium),
                 f"{medium} ends flush at {_said(places[0])}-{_said(places[1])} between bodies that approach: "
                 f"let it reach at least one gap width ({width:.3g}) beyond, as its free side is drawn in there and "
-                "bodies pass through the notch",
+                'bodies pass through the notch; or take energy = "balanced", regulariser = "angle_log", alpha = 0.25',
             )
         ]  # fmt: skip
+
+    def _draws_in(self, medium: str) -> bool:
+        """Whether a free side of a medium is drawn in where it is squeezed; see docs/solver.md."""
+        return self.regions[medium].energy.name not in DRAWS_NOTHING_IN
 
     def _held(self, chain: Int) -> bool:
         """Whether the medium is held on a side of the chain, across it: by symmetry, for example."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from tmc_vem.energy import REGULARISERS, Regulariser
+from tmc_vem.energy import MEDIA, PAPER_MEDIUM, REGULARISERS, Regulariser
 from tmc_vem.problems.regularisers import RegulariserLike, resolve_regulariser
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.settings import about, described
@@ -57,6 +57,14 @@ class Medium:
             "Weight of the regulariser without dimension, alpha_r = alpha mu h^2 with the initial width h of the gap, "
             "instead of alpha_r: 2.5 suits any geometry and units.",
             detail="mu is the shear modulus that gamma multiplies.",
+        ),
+    )
+    energy: str = field(
+        default=PAPER_MEDIUM,
+        metadata=about(
+            "The medium besides its regulariser: isochoric is the paper's (5); balanced pulls nothing in where it is "
+            "squeezed.",
+            choices=tuple(MEDIA),
         ),
     )
 
@@ -113,6 +121,7 @@ class Medium:
             **({} if self.alpha is None else {"alpha": self.alpha}),
             **({} if self.alpha is None or h is None else {"h": h}),
             "beta": self.beta,
+            **({} if self.energy == PAPER_MEDIUM else {"medium_energy": self.energy}),
             "regulariser": self.regulariser if isinstance(self.regulariser, str) else regulariser.name,
             **({"parameters": parameters} if parameters else {}),
         }

@@ -157,7 +157,7 @@ class OwnProblem:
         return found
 
     def _medium(self, table: MediumTable, moduli: set[float]) -> RegionEnergy:
-        values = {key: getattr(table, key) for key in ("gamma", "alpha_r", "alpha", "beta", "parameters")}
+        values = {key: getattr(table, key) for key in ("gamma", "alpha_r", "alpha", "beta", "energy", "parameters")}
         mu = table.mu
         if mu is None:
             if len(moduli) != 1:

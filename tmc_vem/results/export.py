@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from tmc_vem.results.records import COLUMNS, Written
 from tmc_vem.results.snapshots import nearest, read_fields, snapshots
-from tmc_vem.support.errors import InputError
+from tmc_vem.support import optional
 from tmc_vem.support.units import COORDINATES, Units
 from tmc_vem.support.vtk_types import cell_types, to_vtk
 from tmc_vem.system.fields import Fields
@@ -21,7 +20,7 @@ def to_pandas(result: Written) -> Any:
     Raises:
         InputError: pandas is not installed.
     """
-    pandas = _required("pandas")
+    pandas = optional.load("pandas", "this needs")
     rows = [record.as_row() for record in result.history]
     frame = pandas.DataFrame(rows, columns=None if rows else list(COLUMNS)).set_index("step")
     frame.attrs["units"] = dict(result.units)
@@ -64,7 +63,7 @@ def to_pyvista(result: Written, load: float = 1.0, *, triangulated: bool = False
     Raises:
         InputError: PyVista is not installed, or the run has no such fields.
     """
-    pyvista = _required("pyvista")
+    pyvista = optional.load("pyvista", "this needs")
     fields = fields_at(result, load, triangulated=triangulated)
     polygons = fields.polygons
     types = cell_types(polygons.points_nx, polygons.offsets, polygons.connectivity)
@@ -113,10 +112,3 @@ def _cell_data(fields: Fields) -> dict[str, Any]:
 
 def _in_space(plane: Any) -> Any:
     return np.column_stack([plane, np.zeros(len(plane))])
-
-
-def _required(name: str) -> Any:
-    try:
-        return import_module(name)
-    except ImportError as error:
-        raise InputError(f"this needs {name} ({error}): pip install -e '.[analysis]'") from None

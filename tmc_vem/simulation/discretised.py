@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.base import Problem, RegionEnergy
@@ -14,6 +14,10 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.support.memory import reuse_freed
 from tmc_vem.support.parallel import on_every_rank
 from tmc_vem.system.discretisation import Discretisation
+from tmc_vem.vem.spaces.element_settings import ElementSettings
+
+if TYPE_CHECKING:
+    from tmc_vem.vem.blocks import RegionKernel
 
 # Work of a medium's cell relative to a solid's: second derivatives make its tangent 3 times as dear.
 MEDIUM_COST = 2.5
@@ -47,11 +51,10 @@ def discretise(
         return FemSystem(comm, make_mesh, problem.regions(), problem.prescribed(), options.fem)
 
     from tmc_vem.mesh.spread.distribute import distribute
-    from tmc_vem.vem.blocks import RegionKernel
     from tmc_vem.vem.system import VemSystem
 
     kernels = on_every_rank(
-        comm, lambda: {name: RegionKernel(*compile_region(region)) for name, region in problem.regions().items()}
+        comm, lambda: {name: _kernels(name, region, options.element) for name, region in problem.regions().items()}
     )
     costs = {name: MEDIUM_COST for name, region in problem.regions().items() if region.is_medium}
     mesh = distribute(comm, make_mesh, costs)
@@ -87,6 +90,18 @@ def _fault(problem: Problem) -> str:
         if fault:
             return f"region '{name}': {fault}"
     return ""
+
+
+def _kernels(name: str, region: RegionEnergy, element: ElementSettings) -> RegionKernel:
+    """Compiled energies of a region's cells and, in media with an interior penalty, of their sides."""
+    from tmc_vem.vem.blocks import RegionKernel
+    from tmc_vem.vem.facets.compiled import compile_sides
+
+    kernel, parameters = compile_region(region)
+    if not region.is_medium or element.interior_penalty == "none":
+        return RegionKernel(kernel, parameters)
+    sides = compile_sides(name, region.integrand, region.values, element.interior_penalty, element.penalty_factor)
+    return RegionKernel(kernel, parameters, sides)
 
 
 def compile_region(region: RegionEnergy) -> tuple[Any, Any]:

@@ -67,6 +67,11 @@ def _method_inputs(options: RunOptions) -> Mapping[str, Any]:
             "projection_degree": "spectral test" if element.degree is None else element.degree,
             "quadrature": element.quadrature_degree,
             "rule": element.rule,
+            **(
+                {}
+                if element.interior_penalty == "none"
+                else {"interior_penalty": element.interior_penalty, "eta": element.penalty_factor}
+            ),
         }
     return {
         "method": options.method,

@@ -16,11 +16,12 @@ from tmc_vem.support.version import VERSION
 
 ROOT = Path(__file__).parents[2]
 OTHERS = ("cli", "report", "study")  # what these do comes before and after the numbers of a run
+DOLFINX = ("fenics-dolfinx", "dolfinx-solver-real", "dolfinx-solver-complex")  # packages that bring it
 
 
 def versions(n_ranks: int = 1) -> dict[str, Any]:
     """Versions and machine as plain values for result files."""
-    from petsc4py import PETSc
+    from tmc_vem.support.petsc import PETSc
 
     return {
         "tmc-vem": VERSION,
@@ -28,7 +29,8 @@ def versions(n_ranks: int = 1) -> dict[str, Any]:
         "sources": sources(),
         "python": platform.python_version(),
         "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
-        **{name: _version(name) for name in ("numpy", "sympy", "fenics-dolfinx")},
+        **{name: _version(name) for name in ("numpy", "sympy")},
+        "fenics-dolfinx": next((found for name in DOLFINX if (found := _version(name))), None),
         "machine": platform.machine(),
         "processor": _processor(),
         "ranks": n_ranks,

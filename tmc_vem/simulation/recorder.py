@@ -217,7 +217,7 @@ class Recorder:
             with self.timer("picture"):
                 self._draw(fields, self.directory.path / PICTURE)
         history = self.history
-        linear = {"solver": solver, "linear_iterations": outcome.linear_iterations}
+        linear = {"solver": solver, "ordering": outcome.ordering, "linear_iterations": outcome.linear_iterations}
         media = media_of(self.problem)
         evidence = Evidence(self.inputs, history, checks, media, self.system.size, outcome.complete)
         findings = by_weight([*findings_of(evidence), *self.findings])

@@ -140,7 +140,8 @@ class ArcLengthStepper:
         *,
         complete: bool = False,
     ) -> SteppingResult:
-        return SteppingResult(load, complete, reason, wasted, cut_backs, last, self.solver.linear_iterations)
+        linear = (self.solver.linear_iterations, self.solver.ordering)
+        return SteppingResult(load, complete, reason, wasted, cut_backs, last, *linear)
 
     def _attempt(self, u: Vec, states: States, size: float) -> tuple[NewtonResult, float]:
         """One step of a length, into ``trial``: how it converged, and the load factor."""

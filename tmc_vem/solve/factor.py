@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from petsc4py import PETSc
-
 from tmc_vem.support.distributed import Ksp, Pc
+from tmc_vem.support.petsc import PETSc
 
 WORK_SPACE_TOO_SMALL = (-8, -9, -14, -15)  # ICNTL(14), the percentage by which it exceeds the estimate, is too low
 NO_MEMORY = (-13, -19)
 SINGULAR = -10
+ORDERINGS = {0: "AMD", 1: "given", 2: "AMF", 3: "SCOTCH", 4: "PORD", 5: "METIS", 6: "QAMD"}
+PARALLEL_ORDERINGS = {1: "PT-SCOTCH", 2: "ParMETIS"}
 MOST_ENLARGEMENTS = 10  # each at least doubles the percentage, from 50 to 51 200
 
 
@@ -29,6 +30,7 @@ class FactorState:
         negative_pivots: INFOG(12); of no meaning if it failed.
         null_pivots: INFOG(28), pivots that are zero up to rounding; neither negative nor positive.
         work_space: ICNTL(14), percent.
+        ordering: what MUMPS has ordered the unknowns by, INFOG(7) and INFOG(32); it depends on what it is built with.
     """
 
     status: int
@@ -36,6 +38,7 @@ class FactorState:
     negative_pivots: int
     null_pivots: int
     work_space: int
+    ordering: str = ""
 
     @property
     def failed(self) -> bool:
@@ -80,7 +83,9 @@ def factor_state(pc: Pc) -> FactorState | None:
     try:
         factor = pc.getFactorMatrix()
         status, detail, negative, null = (int(factor.getMumpsInfog(k)) for k in (1, 2, 12, 28))
-        return FactorState(status, detail, negative, null, int(factor.getMumpsIcntl(14)))
+        names = PARALLEL_ORDERINGS if factor.getMumpsInfog(32) == 2 else ORDERINGS
+        ordering = names.get(int(factor.getMumpsInfog(7)), "")
+        return FactorState(status, detail, negative, null, int(factor.getMumpsIcntl(14)), ordering)
     except PETSc.Error:  # nothing has been factorised yet
         return None
 

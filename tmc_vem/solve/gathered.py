@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from petsc4py import PETSc
 
 from tmc_vem.solve.factor import FactorState, factor_state, factorise
 from tmc_vem.support.distributed import Ksp, Mat, Pc, Vec
+from tmc_vem.support.petsc import PETSc
 
 
 class GatheredFactor:

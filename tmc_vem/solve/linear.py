@@ -14,11 +14,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from petsc4py import PETSc
-
 from tmc_vem.solve.factor import FactorState, factor_state, factorise
+from tmc_vem.solve.packages import has
 from tmc_vem.support.distributed import Comm, Ksp, Mat, Vec
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.petsc import PETSc
 
 PREFIX = "tmc_"
 DIRECT = "direct"
@@ -95,10 +95,10 @@ class LinearSolver:
         self.ksp.setOperators(matrix)
         with self._in_database():
             wanted = PETSc.Options().getString(f"{PREFIX}pc_type", "")
-            if wanted == PETSc.PC.Type.ML and not PETSc.Sys.hasExternalPackage("ml"):
+            if wanted == PETSc.PC.Type.ML and not has("ml"):
                 raise InputError(
-                    f"solver '{solver}' preconditions with ML, and this PETSc is built without it, as Debian 13's: use "
-                    "--solver direct, or a file of PETSc options with another preconditioner"
+                    f"solver '{solver}' preconditions with ML, and this PETSc is built without it, as Debian 13's and "
+                    "that of wheels: use --solver direct, or a file of PETSc options with another preconditioner"
                 )
             self.ksp.setFromOptions()
         if self.ksp.getPC().getType() == PETSC_PYTHON:
@@ -134,6 +134,11 @@ class LinearSolver:
         self._solves = left.norm() <= INCONSISTENT * rhs.norm()
         left.destroy()
         return self._solves
+
+    @property
+    def ordering(self) -> str:
+        """What the last factorisation has ordered the unknowns by; empty if there is none or it cannot tell."""
+        return self._factor.ordering if self._factor is not None else ""
 
     @property
     def lacks_memory(self) -> bool:

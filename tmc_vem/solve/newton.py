@@ -139,6 +139,11 @@ class NewtonSolver:
         self.iterations_done = 0  # since the solver was made, whatever became of them
 
     @property
+    def ordering(self) -> str:
+        """What the linear solver has ordered the unknowns by; empty if it is no factorisation."""
+        return self._linear.ordering
+
+    @property
     def linear_iterations(self) -> int:
         """Iterations of the linear solver so far; one a solve with a factorisation."""
         return self._linear.iterations

@@ -121,6 +121,7 @@ class SteppingResult:
         failed_iterations, failed_attempts: since the last converged step.
         last: that step, None if there was none.
         linear_iterations: of the linear solver since it was made.
+        ordering: what its factorisations have ordered the unknowns by, if they are any.
         refusal: of the last state that has converged since the last step and was not admitted, if there was one.
     """
 
@@ -131,6 +132,7 @@ class SteppingResult:
     failed_attempts: int = 0
     last: Step | None = None
     linear_iterations: int = 0
+    ordering: str = ""
     refusal: Refused | None = None
 
 
@@ -246,7 +248,8 @@ class LoadStepper:
         *, complete: bool = False,
     ) -> SteppingResult:  # fmt: skip
         load = self.path.at(position.time).load
-        return SteppingResult(load, complete, reason, wasted, cut_backs, last, self.solver.linear_iterations)
+        linear = (self.solver.linear_iterations, self.solver.ordering)
+        return SteppingResult(load, complete, reason, wasted, cut_backs, last, *linear)
 
     def _attempt(self, u: Vec, states: States, trial: Vec, now: float, target: float) -> Attempt:
         """Try to find equilibrium at ``target`` in ``trial``, starting from an extrapolation or the tangent."""

@@ -23,9 +23,9 @@ def main() -> int:
     problem, options, directory = pickle.load(sys.stdin.buffer)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
-    import petsc4py
+    from tmc_vem.support.petsc_start import start
 
-    petsc4py.init(["tmc-vem"])
+    start(["tmc-vem"])
     from dataclasses import replace
 
     from codegen.errors import CodegenError

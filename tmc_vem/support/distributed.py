@@ -52,6 +52,9 @@ class Comm(Protocol):
     def scatter(self, sendobj: Sequence[T], root: int = 0) -> T:
         """One thing of those that the root has for each rank; what others hand over does not matter."""
 
+    def alltoall(self, sendobj: Sequence[T]) -> list[T]:
+        """What every rank has for this one, of what each has for all."""
+
     def allreduce(self, sendobj: T, op: Any = ...) -> T:
         """Sum, or another operation, over all ranks."""
 
@@ -174,6 +177,9 @@ class Mat(Protocol):
 
     def setValuesLocalRCV(self, R: NDArray[Any], C: NDArray[Any], V: NDArray[Any], addv: object = None) -> None:
         """Many dense blocks, by this rank's numbers."""
+
+    def setValuesRCV(self, R: NDArray[Any], C: NDArray[Any], V: NDArray[Any], addv: object = None) -> None:
+        """The same by numbers over all ranks."""
 
     def assemble(self) -> None:
         """Bring to other ranks what belongs there."""

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 from tmc_vem.support.distributed import Mat
+from tmc_vem.support.petsc import PETSc
 
 
 def in_place(function: str, petsc_object: Mat, n: int, dtype: Any) -> NDArray[Any]:

@@ -28,10 +28,10 @@ class FemSettings:
     interior_penalty: str = field(
         default="none",
         metadata=about(
-            "Jumps of the gradient between elements of the medium.",
+            "Jumps of the gradient between cells of the medium.",
             choices=INTERIOR_PENALTIES,
-            detail="'none' takes second derivatives inside the elements only, 'penalty' adds a penalty on jumps of the "
-            "gradient across facets in the medium, 'full' adds the consistency term as well.",
+            detail="'none' takes second derivatives inside the cells only, 'penalty' adds a penalty on jumps of the "
+            "gradient across sides in the medium, 'full' adds the consistency term as well.",
         ),
     )
     eta: float = field(default=10.0, metadata=about("Factor of the interior penalty, without a unit."))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.spread.distribute import DistributedMesh
 from tmc_vem.vem.dofmap import DofMap
+from tmc_vem.vem.facets.compiled import SideEnergy
 from tmc_vem.vem.kernel.batch import CellBatch
 from tmc_vem.vem.kernel.cells import CellKernel
 from tmc_vem.vem.kernel.packs import Packs
@@ -28,10 +29,16 @@ CHUNK = 1024  # cells whose dense arrays are held at a time
 
 @dataclass(frozen=True)
 class RegionKernel:
-    """The compiled energy of a region and the values of its parameters in the kernel's order."""
+    """The compiled energy of a region and the values of its parameters in the kernel's order.
+
+    Attributes:
+        kernel, parameters: of its cells.
+        sides: of the sides of its cells, if they have an interior penalty.
+    """
 
     kernel: CellKernel
     parameters: Float
+    sides: SideEnergy | None = None
 
 
 @dataclass(frozen=True)
@@ -62,7 +69,7 @@ class Block:
         for first in range(0, len(self.cells), CHUNK):
             yield slice(first, min(first + CHUNK, len(self.cells)))
 
-    def polygons(self, mesh: PolygonMesh, chosen: slice = slice(None)) -> Float:
+    def polygons(self, mesh: PolygonMesh, chosen: slice | Int = slice(None)) -> Float:
         """Vertices (n_cells, n_sides, 2) of the cells."""
         sides = mesh.cell_offsets[self.cells[chosen]][:, None] + np.arange(self.n_sides)
         polygons: Float = mesh.points_vx[mesh.cell_vertices[sides]]

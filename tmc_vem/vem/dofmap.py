@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 from tmc_vem.mesh.spread.distribute import DistributedMesh
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.layout import DISPLACEMENT
 
 Int = NDArray[np.int64]
@@ -78,14 +78,17 @@ class DofMap:
         return first, last
 
     @cached_property
+    def global_node_n(self) -> Int:
+        """(n_nodes,) number of each local node over all ranks."""
+        numbers = self.dm.getLGMap().apply(DISPLACEMENT.dof(np.arange(self.n_nodes)).astype(PETSc.IntType))
+        return DISPLACEMENT.node(numbers.astype(np.int64))
+
+    @cached_property
     def owned_node_n(self) -> Int:
         """(n_nodes,) place of each local node in this rank's part of a global vector, -1 if another rank owns it."""
-        first, last = self.owned_range
-        numbers = (
-            self.dm.getLGMap().apply(DISPLACEMENT.dof(np.arange(self.n_nodes)).astype(PETSc.IntType)).astype(np.int64)
-        )
-        owned = (numbers >= first) & (numbers < last)
-        places: Int = np.where(owned, DISPLACEMENT.node(numbers - first), -1)
+        first, last = (DISPLACEMENT.n_nodes(bound) for bound in self.owned_range)
+        owned = (self.global_node_n >= first) & (self.global_node_n < last)
+        places: Int = np.where(owned, self.global_node_n - first, -1)
         return places
 
     def cell_nodes(self, distributed: DistributedMesh, cells: Int, n_sides: int) -> NDArray[np.int32]:

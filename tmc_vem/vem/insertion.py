@@ -10,51 +10,111 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 from tmc_vem.support.distributed import Mat
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.support.petsc_arrays import compressed_rows, in_place
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.vem.blocks import CHUNK, Block
 from tmc_vem.vem.kernel.batch import CellBatch, Tangents
+from tmc_vem.vem.kernel.cells import CellKernel
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Int32 = NDArray[np.int32]
 
 
+class Terms(Protocol):
+    """Energies of equally many nodes each, with their tangents: of cells, or of sides between them."""
+
+    @property
+    def nodes_ca(self) -> Int32:
+        """(n, n_basis) nodes of each."""
+
+    def take(self, chosen: Int | slice) -> Terms:
+        """Some of them."""
+
+    def tangents(self, u_ni: Float) -> Float:
+        """Their tangents (n, n_basis, 2, n_basis, 2) at displacements of the nodes."""
+
+    def add_tangents(self, u_ni: Float, values: Float, position_cab: Int32, row_length_n: Int32) -> None:
+        """Add them to the values of a matrix, see ``tmc_tangents`` in kernel_abi.h."""
+
+
 @dataclass(frozen=True)
-class _Part:
-    """Cells of a block: those that go straight into the matrix, and the others with their degrees of freedom."""
+class CellTerms:
+    """Cells of a block."""
 
     block: Block
-    direct: CellBatch
-    position_cab: Int32 | None
-    others: CellBatch
-    free_dofs_cn: NDArray[Any]  # -1 where constrained: PETSc skips those entries
+    batch: CellBatch
+
+    @property
+    def nodes_ca(self) -> Int32:
+        """Nodes of each cell."""
+        return self.batch.nodes_ca
+
+    def take(self, chosen: Int | slice) -> CellTerms:
+        """Some of the cells."""
+        return CellTerms(self.block, self.batch.take(chosen))
+
+    def tangents(self, u_ni: Float) -> Float:
+        """Tangents of the cells."""
+        n = self.batch.n_basis
+        dense = np.empty((self.batch.n_cells, n, 2, n, 2))
+        self.block.kernel.cells(self.batch, u_ni, self.block.parameters, None, Tangents(dense))
+        return dense
+
+    def add_tangents(self, u_ni: Float, values: Float, position_cab: Int32, row_length_n: Int32) -> None:
+        """Add the cells' tangents to the values of a matrix."""
+        tangents = Tangents(None, values, position_cab, row_length_n)
+        self.block.kernel.cells(self.batch, u_ni, self.block.parameters, None, tangents)
+
+
+@dataclass(frozen=True)
+class _Direct:
+    """Terms that go straight into the matrix, and where."""
+
+    terms: Terms
+    position_cab: Int32
+
+
+@dataclass(frozen=True)
+class _Others:
+    """Terms that go through PETSc."""
+
+    terms: Terms
+    free_dofs_cn: NDArray[Any]  # over all ranks; -1 where constrained: PETSc skips those entries
 
 
 class MatrixInsertion:
-    """Where the tangents of all blocks go in matrices of one pattern.
+    """Where the tangents of all terms go in matrices of one pattern.
 
     Args:
-        blocks: all cells of this rank.
-        matrix: an assembled matrix of the pattern; of a type other than AIJ, all cells go through PETSc.
-        lgmap: PETSc's map from local to global degrees of freedom.
-        is_constrained: of every local degree of freedom.
+        terms: of this rank.
+        kernel: any, for looking up positions; None if there are no terms.
+        matrix: an assembled matrix of the pattern; of a type other than AIJ, all terms go through PETSc.
+        number_n: (n_nodes,) number over all ranks of each node.
+        is_constrained: of every degree of freedom of these nodes.
     """
 
-    def __init__(self, blocks: Sequence[Block], matrix: Mat, lgmap: Any, is_constrained: NDArray[np.bool_]) -> None:
-        n_nodes = DISPLACEMENT.n_nodes(len(is_constrained))
+    def __init__(
+        self,
+        terms: Sequence[Terms],
+        kernel: CellKernel | None,
+        matrix: Mat,
+        number_n: Int,
+        is_constrained: NDArray[np.bool_],
+    ) -> None:
+        n_nodes = len(number_n)
         first, last = matrix.getOwnershipRange()
-        numbers = lgmap.apply(DISPLACEMENT.dof(np.arange(n_nodes)).astype(PETSc.IntType)).astype(np.int64)
+        numbers = DISPLACEMENT.dof(number_n)
         owned = (numbers >= first) & (numbers < last)
         free = owned & ~DISPLACEMENT.nodal(is_constrained).any(axis=1)
-        self._column_n = np.where(owned, numbers - first, -1).astype(np.int32)
+        column_n = np.where(owned, numbers - first, -1).astype(np.int32)
         structure = _structure(matrix)
         self._row_length_n = np.zeros(n_nodes, dtype=np.int32)
         self._n_values = 0
@@ -63,20 +123,22 @@ class MatrixInsertion:
             free[:] = False
         else:
             starts, columns = structure
-            rows = self._column_n[owned]
+            rows = column_n[owned]
             start_n[owned] = starts[rows]
             self._row_length_n[owned] = starts[rows + 1] - starts[rows]
             self._n_values = len(columns)
-        self._parts = []
-        for block in blocks:
-            whole = free[block.batch.nodes_ca].all(axis=1)
-            direct, others = (block.batch.take(np.flatnonzero(chosen)) for chosen in (whole, ~whole))
-            positions = None
-            if structure is not None and direct.n_cells:
-                positions = block.kernel.positions(direct, start_n, self._row_length_n, self._column_n, structure[1])
-            dofs = DISPLACEMENT.dofs(others.nodes_ca).reshape(others.n_cells, DISPLACEMENT.size(others.n_basis))
-            dofs = np.where(is_constrained[dofs], -1, dofs).astype(PETSc.IntType)
-            self._parts.append(_Part(block, direct, positions, others, dofs))
+        self._direct: list[_Direct] = []
+        self._others: list[_Others] = []
+        for each in terms:
+            whole = free[each.nodes_ca].all(axis=1)
+            direct, others = (each if chosen.all() else each.take(np.flatnonzero(chosen)) for chosen in (whole, ~whole))
+            if structure is not None and kernel is not None and whole.any():
+                place = kernel.positions(direct.nodes_ca, start_n, self._row_length_n, column_n, structure[1])
+                self._direct.append(_Direct(direct, place))
+            if not whole.all():
+                dofs = DISPLACEMENT.dofs(others.nodes_ca).reshape(len(others.nodes_ca), -1)
+                known = DISPLACEMENT.dofs(number_n[others.nodes_ca]).reshape(dofs.shape)
+                self._others.append(_Others(others, np.where(is_constrained[dofs], -1, known).astype(PETSc.IntType)))
 
     def assemble(
         self, u_ni: Float, matrix: Mat, constrained: Int, together: Callable[[Callable[[], None]], None]
@@ -84,7 +146,7 @@ class MatrixInsertion:
         """Tangent (56) at ``u_ni``, with the identity at the local degrees of freedom ``constrained`` of this rank.
 
         Args:
-            u_ni: (n_nodes, 2) displacements of this rank's nodes.
+            u_ni: (n_nodes, 2) displacements of the nodes.
             matrix: one of the pattern.
             constrained: local degrees of freedom.
             together: calls a function that does not communicate, and raises on all ranks what it raises on one.
@@ -97,30 +159,23 @@ class MatrixInsertion:
         together(lambda: self._add_directly(u_ni, matrix))
 
     def _insert_others(self, u_ni: Float, matrix: Mat, constrained: Int) -> None:
-        for part in self._parts:
-            self._insert(part, u_ni, matrix)
+        for part in self._others:
+            for first in range(0, len(part.free_dofs_cn), CHUNK):
+                chunk = slice(first, first + CHUNK)
+                dofs = part.free_dofs_cn[chunk]
+                dense = part.terms.take(chunk).tangents(u_ni).reshape(*dofs.shape, dofs.shape[1])
+                matrix.setValuesRCV(dofs, dofs, dense, addv=PETSc.InsertMode.ADD_VALUES)
         for dof in constrained.tolist():
             matrix.setValueLocal(dof, dof, 1.0, addv=PETSc.InsertMode.ADD_VALUES)
 
     def _add_directly(self, u_ni: Float, matrix: Mat) -> None:
-        if any(part.direct.n_cells for part in self._parts):
+        if self._direct:
             diagonal = _diagonal_block(matrix)
             values = in_place("MatSeqAIJGetArray", diagonal, self._n_values, np.float64)
-            for part in self._parts:
-                if part.direct.n_cells:
-                    tangents = Tangents(None, values, part.position_cab, self._row_length_n)
-                    part.block.kernel.cells(part.direct, u_ni, part.block.parameters, None, tangents)
+            for part in self._direct:
+                part.terms.add_tangents(u_ni, values, part.position_cab, self._row_length_n)
             diagonal.stateIncrease()
             matrix.stateIncrease()
-
-    def _insert(self, part: _Part, u_ni: Float, matrix: Mat) -> None:
-        n = DISPLACEMENT.size(part.others.n_basis)
-        for first in range(0, part.others.n_cells, CHUNK):
-            chunk = part.others.take(slice(first, first + CHUNK))
-            dense = np.empty((chunk.n_cells, n, n))
-            part.block.kernel.cells(chunk, u_ni, part.block.parameters, None, Tangents(dense))
-            dofs = part.free_dofs_cn[first : first + CHUNK]
-            matrix.setValuesLocalRCV(dofs, dofs, dense, addv=PETSc.InsertMode.ADD_VALUES)
 
 
 def _diagonal_block(matrix: Mat) -> Mat:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 from tmc_vem.mesh.geometry import centroids
 from tmc_vem.mesh.locate import TOLERANCE
@@ -19,6 +18,7 @@ from tmc_vem.support.distributed import Mat, Vec
 from tmc_vem.support.errors import EvaluationError, InputError
 from tmc_vem.support.memory import give_back
 from tmc_vem.support.parallel import on_every_rank
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constrained import Constrained
 from tmc_vem.system.constraints import Prescribed, is_called
 from tmc_vem.system.control import Control
@@ -30,10 +30,11 @@ from tmc_vem.system.reduction import Shares, at_named_points, reaction, step_lim
 from tmc_vem.vem.blocks import CHUNK, RegionKernel, make_blocks
 from tmc_vem.vem.dense import smallest_jacobians
 from tmc_vem.vem.dofmap import DofMap
-from tmc_vem.vem.insertion import MatrixInsertion
-from tmc_vem.vem.kernel.batch import Tangents
+from tmc_vem.vem.facets.exchange import Halo
+from tmc_vem.vem.facets.penalty import InteriorPenalty, SideTerms
+from tmc_vem.vem.insertion import CellTerms, MatrixInsertion, Terms
 from tmc_vem.vem.kernel.cells import CellValues
-from tmc_vem.vem.pattern import serial_matrix
+from tmc_vem.vem.pattern import parallel_matrix, serial_matrix
 from tmc_vem.vem.point_weights import locate
 from tmc_vem.vem.spaces.element import element_groups
 from tmc_vem.vem.spaces.element_settings import ElementSettings
@@ -43,6 +44,7 @@ from tmc_vem.vem.spaces.tabulated import points_and_values
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 T = TypeVar("T")
+Evaluated = tuple[list[CellValues], list[tuple[SideTerms, tuple[Float, Float]]]]  # of blocks, and of sides
 
 
 class VemSystem:
@@ -81,6 +83,11 @@ class VemSystem:
         groups = element_groups(distributed.mesh, self.settings, distributed.cell_ids)
         self.blocks = on_every_rank(self.comm, lambda: make_blocks(distributed, self.dofmap, groups, kernels))
         self.size = self._extent()
+        penalised = any(kernels[region].sides is not None for region in self.regions)
+        self.penalty: InteriorPenalty | None = None
+        if penalised:
+            direct = (self.dofmap.owned_node_n >= 0) & ~self._is_constrained().any(axis=1)
+            self.penalty = InteriorPenalty(distributed, self.dofmap, self.blocks, kernels, direct)
         self._load_nodes: Float | None = None
         self._kernel_seconds = 0.0
         self._insertion: MatrixInsertion | None = None
@@ -98,7 +105,14 @@ class VemSystem:
         """A new symmetric matrix, preallocated exactly."""
         dm = self.dofmap.dm
         plain = self.comm.size == 1 and not PETSc.Options().hasName("dm_mat_type")
-        matrix: Mat = serial_matrix(self.blocks, dm, self.dofmap.n_nodes) if plain else dm.createMat()
+        more = [] if self.penalty is None else [term.nodes_ca for term in self.penalty.terms]
+        if plain:
+            matrix: Mat = serial_matrix(self.blocks, dm, self.dofmap.n_nodes, more)
+        elif self.penalty is None:
+            matrix = dm.createMat()
+        else:
+            first, last = (DISPLACEMENT.n_nodes(bound) for bound in self.dofmap.owned_range)
+            matrix = parallel_matrix(self.comm, self.blocks, dm, (first, last), self.penalty.node_numbers, more)
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
@@ -123,19 +137,24 @@ class VemSystem:
             for position, name in enumerate(block.kernel.parameters):
                 if name in values:
                     block.parameters[position] = values[name]
+        if self.penalty is not None:
+            self.penalty.set_parameters(values)
 
     def energy(self, u: Vec) -> Evaluation:
         """Potential at ``u``."""
-        u_nodes = self._local_values(u)
+        u_nodes = self._extended(u)
         return self._evaluation(self._together(lambda: self._evaluate(u_nodes)), u_nodes)
 
     def residual(self, u: Vec, out: Vec) -> Evaluation:
         """Full gradient of the potential into ``out``; its constrained entries are the reactions."""
-        u_nodes = self._local_values(u)
-        total = DISPLACEMENT.nodal(self._work.getArray())
-        total[:] = 0.0 if self._load_nodes is None else -self._load_nodes
+        u_nodes = self._extended(u)
+        total = np.zeros_like(u_nodes) if self._halo else DISPLACEMENT.nodal(self._work.getArray())
+        total[: self.dofmap.n_nodes] = 0.0 if self._load_nodes is None else -self._load_nodes
         values = self._together(lambda: self._evaluate(u_nodes, total))
-        self._add_work(out)
+        if self._halo:
+            self._add_extended(total, out)
+        else:
+            self._add_work(out)
         return self._evaluation(values, u_nodes)
 
     def jacobian(self, u: Vec, out: Mat) -> None:
@@ -144,7 +163,7 @@ class VemSystem:
         Raises:
             EvaluationError: a kernel failed on this or on another rank.
         """
-        self._tangent_state = self._local_values(u).copy()
+        self._tangent_state = self._extended(u).copy()
         self._insertion_into(out).assemble(self._tangent_state, out, self._owned_constrained(), self._together)
 
     def tangent_action(self, du: Vec, out: Vec) -> None:
@@ -154,27 +173,32 @@ class VemSystem:
         """
         if self._tangent_state is None:
             raise ValueError("there is no tangent yet: call jacobian() first")
-        du_nodes, state = self._local_values(du), self._tangent_state
-        total = np.zeros((self.dofmap.n_nodes, 2))
+        state, du_nodes = self._tangent_state, self._extended(du)
+        total = np.zeros_like(state)
         self._together(lambda: self._add_products(state, du_nodes, total))
-        self._add(total.ravel(), out)
+        self._add_extended(total, out)
 
     def _add_products(self, u_nodes: Float, du_nodes: Float, total: Float) -> None:
         moves = du_nodes.any(axis=1)
-        for block in self.blocks:
-            moving, n = np.flatnonzero(moves[block.batch.nodes_ca].any(axis=1)), DISPLACEMENT.size(block.batch.n_basis)
+        for terms in self._terms():
+            moving = np.flatnonzero(moves[terms.nodes_ca].any(axis=1))
             for first in range(0, len(moving), CHUNK):
-                batch = block.batch.take(moving[first : first + CHUNK])
-                dense = np.empty((batch.n_cells, n, n))
-                block.kernel.cells(batch, u_nodes, block.parameters, None, Tangents(dense))
-                products = dense @ du_nodes[batch.nodes_ca].reshape(-1, n, 1)
-                np.add.at(total, batch.nodes_ca, products.reshape(*batch.nodes_ca.shape, DISPLACEMENT.components))
+                some = terms.take(moving[first : first + CHUNK])
+                nodes, n = some.nodes_ca, DISPLACEMENT.size(some.nodes_ca.shape[1])
+                products = some.tangents(u_nodes).reshape(-1, n, n) @ du_nodes[nodes].reshape(-1, n, 1)
+                np.add.at(total, nodes, products.reshape(*nodes.shape, DISPLACEMENT.components))
 
     def max_step(self, u: Vec, du: Vec) -> float:
         """Largest s with J > 0 at every quadrature point along u + t du, t < s."""
-        u_nodes = self._local_values(u).copy()
-        du_nodes = self._local_values(du)
-        steps = self._together(lambda: [b.kernel.max_step(b.batch, u_nodes, du_nodes) for b in self.blocks])
+        u_nodes = self._extended(u).copy()
+        du_nodes = self._extended(du)
+        sides = [] if self.penalty is None else self.penalty.terms
+        steps = self._together(
+            lambda: [
+                *(block.kernel.max_step(block.batch, u_nodes, du_nodes) for block in self.blocks),
+                *(terms.max_step(u_nodes, du_nodes) for terms in sides),
+            ]
+        )
         return step_limit(self.comm, (float(step_c.min(initial=np.inf)) for step_c in steps))
 
     def point_coordinates(self, names: Sequence[str]) -> Float:
@@ -343,11 +367,52 @@ class VemSystem:
     def _insertion_into(self, matrix: Mat) -> MatrixInsertion:
         """Where the tangents go: the same for all matrices of :meth:`create_matrix`, looked up in the first one."""
         if self._insertion is None:
-            is_constrained = np.zeros(DISPLACEMENT.size(self.dofmap.n_nodes), dtype=bool)
-            is_constrained[self._constrained_local.dofs] = True
-            self._insertion = MatrixInsertion(self.blocks, matrix, self.dofmap.dm.getLGMap(), is_constrained)
+            numbers = self.dofmap.global_node_n if self.penalty is None else self.penalty.node_numbers
+            kernel = self.blocks[0].kernel if self.blocks else None
+            self._insertion = MatrixInsertion(
+                list(self._terms()), kernel, matrix, numbers, self._constrained_everywhere()
+            )
             give_back()
         return self._insertion
+
+    def _terms(self) -> Iterator[Terms]:
+        """Everything that has a tangent: cells, and sides."""
+        yield from (CellTerms(block, block.batch) for block in self.blocks)
+        if self.penalty is not None:
+            yield from self.penalty.terms
+
+    def _is_constrained(self) -> NDArray[np.bool_]:
+        """(n_nodes, 2) whether a component of a node is prescribed."""
+        flags = np.zeros(DISPLACEMENT.size(self.dofmap.n_nodes), dtype=bool)
+        flags[self._constrained_local.dofs] = True
+        return DISPLACEMENT.nodal(flags)
+
+    def _constrained_everywhere(self) -> NDArray[np.bool_]:
+        """The same, flat, with the nodes of the halo; all ranks call this."""
+        flags = self._is_constrained()
+        if not self._halo:
+            return flags.ravel()
+        vector = self.create_vector()
+        self._add(flags.astype(float).ravel(), vector)
+        everywhere = self._extended(vector).ravel() > 0.0
+        vector.destroy()
+        return everywhere
+
+    @property
+    def _halo(self) -> Halo | None:
+        """Nodes of other ranks, if sides of any rank need some."""
+        return self.penalty.halo if self.penalty is not None and self.penalty.halo.is_used else None
+
+    def _extended(self, u: Vec) -> Float:
+        """Values (n_nodes, 2) of this rank's nodes, and after them those of the halo, if there is one."""
+        nodes = self._local_values(u)
+        return self._halo.extended(u, nodes) if self._halo else nodes
+
+    def _add_extended(self, total: Float, out: Vec) -> None:
+        """Sum such values into a global vector."""
+        self._add(total[: self.dofmap.n_nodes].ravel(), out)
+        if self._halo:
+            self._halo.add(total, out)
 
     def _nodes_of(self, where: str) -> Int:
         """Local nodes of a named point or edge set (empty if it lies on other ranks).
@@ -429,15 +494,20 @@ class VemSystem:
         except MemoryError as error:
             raise EvaluationError(str(error)) from None
 
-    def _evaluate(self, u_nodes: Float, residual: Float | None = None) -> list[CellValues]:
-        """Energies of all blocks; their residuals are added to ``residual`` (n_nodes, 2)."""
-        return [block.kernel.cells(block.batch, u_nodes, block.parameters, residual) for block in self.blocks]
+    def _evaluate(self, u_nodes: Float, residual: Float | None = None) -> Evaluated:
+        """Energies of all blocks and sides; their residuals are added to ``residual`` (n_nodes, 2)."""
+        of_cells = [block.kernel.cells(block.batch, u_nodes, block.parameters, residual) for block in self.blocks]
+        sides = [] if self.penalty is None else self.penalty.terms
+        return of_cells, [(terms, terms.energies(u_nodes, residual)) for terms in sides]
 
-    def _evaluation(self, values: Sequence[CellValues], u_nodes: Float) -> Evaluation:
+    def _evaluation(self, values: Evaluated, u_nodes: Float) -> Evaluation:
         shares = Shares(self.regions)
-        for block, value in zip(self.blocks, values, strict=True):
+        of_cells, of_sides = values
+        for terms, (energy_s, min_j_s) in of_sides:
+            shares.add_cells(terms.region, energy_s, min_j_s, self.distributed.cell_ids[terms.cells[:, 0]])
+        for block, value in zip(self.blocks, of_cells, strict=True):
             shares.add_cells(block.region, value.energy_c, value.min_j_c, self.distributed.cell_ids[block.cells])
-        work = 0.0 if self._load_nodes is None else float((self._load_nodes * u_nodes).sum())
+        work = 0.0 if self._load_nodes is None else float((self._load_nodes * u_nodes[: self.dofmap.n_nodes]).sum())
         return shares.together(self.comm, work)
 
 

@@ -16,6 +16,7 @@ from tmc_vem.mesh.files import msh
 from tmc_vem.mesh.files.record import Reading, Record
 from tmc_vem.support.environment import cells_allowed
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.optional import load
 
 SIZE_MIN = "Mesh.MeshSizeMin"
 
@@ -26,11 +27,7 @@ def read(path: Path, reading: Reading) -> Record:
     Raises:
         InputError: gmsh is missing, refuses the file, finds nothing plane to mesh in it, or would make too many cells.
     """
-    try:
-        import gmsh
-    except ImportError as error:
-        raise InputError(f"it needs gmsh ({error}): apt-get install python3-gmsh") from None
-
+    gmsh = load("gmsh", "it needs")
     gmsh.initialize([])
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.logger.start()

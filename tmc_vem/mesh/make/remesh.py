@@ -15,6 +15,7 @@ from tmc_vem.mesh.make.traced import TracedOutline, trace_outline
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.environment import cells_allowed
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.optional import load
 
 Int = NDArray[np.int64]
 
@@ -36,11 +37,7 @@ def gmsh_triangles(mesh: PolygonMesh, size: float, most_cells: float | None = No
     """
     if not (math.isfinite(size) and size > 0.0):
         raise InputError(f"triangle size {size:g} must be a positive number")
-    try:
-        import gmsh
-    except ImportError as error:
-        raise InputError(f"unstructured triangles need gmsh ({error}): apt-get install python3-gmsh") from None
-
+    gmsh = load("gmsh", "unstructured triangles need")
     origin = origin_for(mesh.points_vx)
     if origin is not None:
         return moved(gmsh_triangles(moved(mesh, (-origin[0], -origin[1])), size, most_cells), origin)

@@ -21,6 +21,7 @@ from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.environment import cells_allowed
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.notes import say
+from tmc_vem.support.optional import load
 
 Int = NDArray[np.int64]
 
@@ -42,14 +43,13 @@ def triangle_mesh(
         most_cells: how many there may be; None for what the environment says, or a million.
 
     Raises:
-        InputError: outlines do not close, the size is not positive or makes too many cells, or gmsh refuses the
-            geometry.
+        InputError: gmsh is missing, outlines do not close, the size is not positive or makes too many cells, or gmsh
+            refuses the geometry.
     """
     density = QUADRILATERALS if quadrilaterals else TRIANGLES
     check_size(regions, size, density, cells_allowed(most_cells))
     skeleton = make_skeleton(regions, size, points)
-    import gmsh
-
+    gmsh = load("gmsh", "triangles need")
     started = _start(gmsh)
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.model.add("regions")
@@ -82,8 +82,7 @@ def from_gmsh_model(**reading: Any) -> PolygonMesh:
     Raises:
         InputError: the model has no mesh of plane cells.
     """
-    import gmsh
-
+    gmsh = load("gmsh", "the mesh of a gmsh model needs")
     called = reading.pop("called", "the mesh of gmsh")
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / "model.msh"

@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 from tmc_vem.mesh.polygon import Edges, PolygonMesh
 from tmc_vem.mesh.spread.plex import cone_sizes, cones, set_cell_types, set_cone_sizes
 from tmc_vem.support.distributed import Comm
 from tmc_vem.support.parallel import from_root, on_root
+from tmc_vem.support.petsc import PETSc
 
 Int = NDArray[np.int64]
 

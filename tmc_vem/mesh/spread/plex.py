@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.support.petsc_arrays import in_place
 
 Int = NDArray[np.int64]

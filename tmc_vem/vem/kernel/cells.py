@@ -95,12 +95,12 @@ class CellKernel(Kernel):
         return step_c
 
     def positions(
-        self, batch: CellBatch, row_start_n: Array64, row_length_n: Int32, column_n: Int32, columns: Int32
+        self, nodes_ca: Int32, row_start_n: Array64, row_length_n: Int32, column_n: Int32, columns: Int32
     ) -> Int32:
-        """Where the tangents of a batch go in a sparse matrix; see ``tmc_positions`` in kernel_abi.h.
+        """Where tangents go in a sparse matrix; see ``tmc_positions`` in kernel_abi.h.
 
         Args:
-            batch: cells.
+            nodes_ca: (n, n_basis) nodes of cells, or of whatever else has tangents; a node may be there twice.
             row_start_n: (n_nodes,) position of the first entry of each node's row.
             row_length_n: (n_nodes,) entries of that row.
             column_n: (n_nodes,) column of a node's first component.
@@ -110,10 +110,10 @@ class CellKernel(Kernel):
             ValueError: the matrix lacks an entry.
             MemoryError: the work space could not be allocated.
         """
-        n = batch.n_basis
-        position_cab = np.empty((batch.n_cells, n, n), dtype=np.int32)
+        n_cells, n = nodes_ca.shape
+        position_cab = np.empty((n_cells, n, n), dtype=np.int32)
         status = self._lib.tmc_positions(
-            batch.n_cells, n, address(batch.nodes_ca), address(row_start_n), address(row_length_n), address(column_n),
+            n_cells, n, address(nodes_ca), address(row_start_n), address(row_length_n), address(column_n),
             address(columns), address(position_cab),
         )  # fmt: skip
         if status == OUT_OF_MEMORY:

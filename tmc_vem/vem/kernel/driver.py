@@ -8,7 +8,10 @@ from codegen.driver import Driver
 
 HERE = Path(__file__).parent
 
+# Vectors of lanes with products of small matrices of them, and the largest step with J > 0 at points.
+LANE_PRODUCTS, STEP_LIMIT = HERE / "lanes.c", HERE / "limit.c"
+
 CELL_DRIVER = Driver(
     header=HERE / "kernel_abi.h",
-    files=tuple(HERE / name for name in ("lanes.c", "shapes.c", "residual.c", "tangent.c", "entries.c")),
+    files=(LANE_PRODUCTS, STEP_LIMIT, *(HERE / name for name in ("shapes.c", "residual.c", "tangent.c", "entries.c"))),
 )

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from tmc_vem.support.errors import InputError
-from tmc_vem.support.settings import about, described
-from tmc_vem.support.validation import check_fields
+from tmc_vem.support.settings import about, described, same_as
+from tmc_vem.support.validation import check_fields, require_positive
+from tmc_vem.system.fem_settings import FemSettings
 
 RULES = ("auto", "compressed", "triangles")
 PROJECTIONS = ("auto", "full", "harmonic", "macro", "composite")
@@ -66,8 +67,18 @@ class ElementSettings:
         ),
     )
 
+    interior_penalty: str = field(default="none", metadata=same_as(FemSettings, "interior_penalty"))
+    eta: float | None = field(
+        default=None,
+        metadata=about(
+            "Factor of the interior penalty, without a unit.", none="10 (k - 1), and 10 for finite elements"
+        ),
+    )
+
     def __post_init__(self) -> None:
         check_fields(self)
+        if self.eta is not None:
+            require_positive("eta", self.eta, "10 is a sane value")
         if self.degree is not None and self.projection not in ("auto", "full"):
             raise InputError(f"a degree l belongs to the projection 'full': '{self.projection}' has its own")
         if self.order not in (2, 3, 4):
@@ -76,6 +87,11 @@ class ElementSettings:
             raise InputError(f"projection degree l = {self.degree}: use {self.order - 1} to {LARGEST_DEGREE}")
         if self.quadrature is not None and not 2 <= self.quadrature <= 20:
             raise InputError(f"quadrature degree {self.quadrature}: use 2 to 20")
+
+    @property
+    def penalty_factor(self) -> float:
+        """Factor of the interior penalty: twice the smallest with which all polygons that were tried are coercive."""
+        return 10.0 * (self.order - 1) if self.eta is None else self.eta
 
     @property
     def quadrature_degree(self) -> int:

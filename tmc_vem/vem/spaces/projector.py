@@ -212,3 +212,18 @@ def edge_basis(k: int, points: Float) -> Float:
             if other != n:
                 basis[:, n] *= (points - nodes[other]) / (nodes[n] - nodes[other])
     return basis
+
+
+def edge_basis_slopes(k: int, points: Float) -> Float:
+    """Derivatives (n_points, k + 1) of :func:`edge_basis`, per unit of the side's length."""
+    nodes, _ = gauss_lobatto(k + 1)
+    slopes = np.zeros((len(points), k + 1))
+    for n in range(k + 1):
+        for left_out in range(k + 1):
+            if left_out != n:
+                product = np.full(len(points), 1.0 / (nodes[n] - nodes[left_out]))
+                for other in range(k + 1):
+                    if other not in (n, left_out):
+                        product *= (points - nodes[other]) / (nodes[n] - nodes[other])
+                slopes[:, n] += product
+    return slopes

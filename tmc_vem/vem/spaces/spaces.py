@@ -142,13 +142,30 @@ class Gradients:
             return first.reshape(n_shapes, n_points, 2, n_basis)
         result = np.empty((n_shapes, n_points, n_rows, n_basis))
         result[:, :, :2] = first.reshape(n_shapes, n_points, 2, n_basis)
-        degree = monomials.degree_of(self.second_sxma.shape[2])
-        m = monomials.values(degree, xi_sqx) / h_s[:, None, None]
-        # first index fastest: d1 of (d/dx v), d1 of (d/dy v), then d2 of both
-        for direction, matrix in enumerate(monomials.derivative_matrices(degree)):
-            for x in (0, 1):
-                result[:, :, 2 + 2 * direction + x] = (m @ matrix.T) @ self.second_sxma[:, x]
+        result[:, :, 2:] = second_rows(self.second_sxma, h_s, xi_sqx)
         return result
+
+
+def second_rows(second_sxma: Float, h_s: Float, xi_sqx: Float) -> Float:
+    """Derivatives (n_shapes, n_points, 4, n_basis) of a vector field, first index fastest.
+
+    Args:
+        second_sxma: (n_shapes, 2, dim P_m, n_basis) coefficients of the field.
+        h_s: scales of the coordinates.
+        xi_sqx: (n_shapes, n_points, 2) points in scaled coordinates.
+    """
+    degree = monomials.degree_of(second_sxma.shape[2])
+    m = monomials.values(degree, xi_sqx) / h_s[:, None, None]
+    # d1 of (d/dx v), d1 of (d/dy v), then d2 of both
+    rows = [(m @ matrix.T) @ second_sxma[:, x] for matrix in monomials.derivative_matrices(degree) for x in (0, 1)]
+    return np.stack(rows, axis=2)
+
+
+def smooth_rows(second_sxma: Float, h_s: Float, xi_sqx: Float) -> Float:
+    """Values and derivatives (n_shapes, n_points, 6, n_basis) of the same field, in the order of ``N_ROWS``."""
+    m = monomials.values(monomials.degree_of(second_sxma.shape[2]), xi_sqx)
+    values = np.stack([m @ second_sxma[:, x] for x in (0, 1)], axis=2)
+    return np.concatenate([values, second_rows(second_sxma, h_s, xi_sqx)], axis=2)
 
 
 class ProjectionSpace(Protocol):

@@ -1,0 +1,94 @@
+"""The medium that pulls nothing in: flush blocks that pass through each other in the paper's medium stay apart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tmc_vem.problems.hints import FLUSH, hints
+from tmc_vem.results.run_result import RunResult
+from tmc_vem.simulation import run
+from tmc_vem.simulation.problem_file import read_problem
+
+BLOCKS = """
+name = "blocks"
+gap = ["tip", "ground"]
+[shapes]
+low = {{ rectangle = [0, 0, 1, 0.4] }}
+mid = {{ rectangle = [0, 0.4, 1, 0.6] }}
+up = {{ rectangle = [0, 0.6, 1, 1.0] }}
+[regions.low]
+shape = "low"
+solid = {{ K = 20, mu = 10 }}
+[regions.up]
+shape = "up"
+solid = {{ K = 20, mu = 10 }}
+[regions.medium]
+shape = "mid"
+medium = {{ {medium} }}
+[mesh]
+cells = "voronoi"
+size = 0.1
+[points]
+tip = [0.5, 0.6]
+ground = [0.5, 0.4]
+[edges]
+bottom = {{ line = [[0, 0], [1, 0]] }}
+top = {{ line = [[0, 1], [1, 1]] }}
+[[support]]
+at = "bottom"
+ux = 0
+uy = 0
+[[support]]
+at = "top"
+ux = 0
+[load]
+at = "top"
+uy = -0.25
+[solve]
+max_iterations = 300
+{solve}
+"""
+OURS = 'energy = "balanced", regulariser = "angle_log", alpha = 0.25'
+
+
+def problem_of(directory: Path, medium: str, solve: str = "") -> Any:
+    """Problem and options of two blocks with a medium."""
+    path = directory / "blocks.toml"
+    path.write_text(BLOCKS.format(medium=medium, solve=solve))
+    return read_problem(path)
+
+
+def solved(directory: Path, medium: str, solve: str = "") -> RunResult:
+    """Result of a run."""
+    problem, options = problem_of(directory, medium, solve)
+    return run(problem, options=options)
+
+
+@pytest.mark.parametrize(("gamma", "penalty"), [("1e-4", "none"), ("1e-6", "none"), ("1e-4", "full")])
+def test_flush_blocks_stay_apart(tmp_path: Path, gamma: str, penalty: str) -> None:
+    element = f'element = {{ interior_penalty = "{penalty}" }}'
+    result = solved(tmp_path, f"{OURS}, gamma = {gamma}", element)
+    assert result.complete
+    assert result.checks["interpenetrates"] is False
+    assert 0.0 < result.gap < 0.2 - 0.18
+    assert not any(step.jumped for step in result.history)
+    assert "balanced" in str(result.inputs)
+
+
+def test_the_paper_s_medium_does_not_keep_them_apart(tmp_path: Path) -> None:
+    result = solved(tmp_path, "gamma = 1e-4, alpha = 0.25")
+    assert not result.complete
+    assert any('energy = "balanced", regulariser = "angle_log"' in warning for warning in result.warnings)
+
+
+def test_only_media_that_are_drawn_in_are_warned_of(tmp_path: Path) -> None:
+    said = {}
+    for medium in (OURS, "alpha = 0.25", 'energy = "balanced", alpha = 0.25'):
+        problem, _ = problem_of(tmp_path, medium)
+        found = [h for h in hints(problem.make_mesh(), problem.regions(), problem.prescribed()) if h.kind == FLUSH]
+        assert found
+        said[medium] = any(hint.likely for hint in found)
+    assert list(said.values()) == [False, True, True]
