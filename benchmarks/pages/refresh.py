@@ -11,7 +11,8 @@ from pathlib import Path
 from pages.block import COSTS, AnyBlock, Block
 from pages.runs import ROOT, Batch, Kept, KeptRuns, Measure
 from tmc_vem.report.refresh import block_names, replaced, texts
-from tmc_vem.report.rounding import differences
+from tmc_vem.report.rounding import Difference, differences
+from tmc_vem.simulation.interrupt import Interrupted
 from tmc_vem.support.errors import InputError, TmcError
 
 HELP = """Write the numbers of README.md and docs anew from runs.
@@ -69,9 +70,10 @@ def chosen(found: Mapping[str, Sequence[AnyBlock]], names: Sequence[str], quick:
     if unknown:
         raise InputError(f"no page or block is called '{unknown[0]}': see scripts/refresh-numbers --list")
     wanted = [(p, b) for p, b in every if not names or p in names or b.name in names]
-    return sorted(
-        ((p, b) for p, b in wanted if not quick or b.cost == COSTS[0]), key=lambda pair: COSTS.index(pair[1].cost)
-    )
+    affordable = [(p, b) for p, b in wanted if not quick or b.cost == COSTS[0]]
+    if not affordable:
+        raise InputError(f"nothing in {', '.join(names)} takes seconds: leave out --quick")
+    return sorted(affordable, key=lambda pair: COSTS.index(pair[1].cost))
 
 
 def text_of(block: AnyBlock, measure: Measure, batch: Batch) -> str:
@@ -93,19 +95,26 @@ def refresh(
         _say(f"{page}, {block.name} ({block.cost})")
         try:
             new = text_of(block, measure, batch)
-        except TmcError as error:
-            failed.append(f"{page}, {block.name}: {error}")
+        except Interrupted:
+            raise
+        except (TmcError, ImportError, AssertionError) as error:
+            failed.append(f"{page}, {block.name}: {error or 'a run did not get where it should'}")
             continue
         document = (root / page).read_text()
         old = texts(document)[block.name]
-        if check:
-            stale += [f"{page}, {block.name}: {difference}" for difference in differences(old, new)]
-        elif new != old:
-            changes = differences(old, new)
-            stale += [f"{page}, {block.name}: {change}" for change in changes] or [f"{page}, {block.name}: rounding"]
+        found = differences(old, new)
+        if found or (new != old and not check):
+            stale += [f"{page}, {block.name}: {line}" for line in _lines(found)]
+        if new != old and not check:
             (root / page).write_text(replaced(document, block.name, new))
         _say(f"    {time.monotonic() - start:.0f} s")
     return stale, failed
+
+
+def _lines(found: Sequence[Difference], most: int = 8) -> list[str]:
+    """The first differences in words."""
+    left = len(found) - most
+    return [*map(str, found[:most]), *([f"and {left} more"] if left > 0 else [])] or ["rounding"]
 
 
 def _say(line: str) -> None:

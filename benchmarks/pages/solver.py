@@ -54,10 +54,13 @@ def strategies(measure: Measure) -> str:
     equal = []
     for alpha_r, gamma in ((1.0, 1e-5), (0.1, 1e-6)):
         runs = [measure(studies.effort, alpha_r, gamma, name)["iterations"] for name in ("equal", "quadratic")]
-        equal.append(f"at ({alpha_r:g}, {gamma:.0e}) {runs[0]} iterations, automatic ones with quadratic extrapolation "
-                     f"{runs[1]} iterations")  # fmt: skip
+        equal.append(f"{runs[0]} iterations and {runs[1]} iterations at ({alpha_r:g}, {gamma:.0e})")
     head = ("alpha_r, gamma", *(f"{method.upper()} {name}" for method, name in columns))
-    return f"{table(head, rows)}\n\nA hundred equal steps with linear extrapolation take {'; '.join(equal)}."
+    text = (
+        "A hundred equal steps with linear extrapolation, and automatic ones with quadratic extrapolation, take "
+        f"{', and '.join(equal)}."
+    )
+    return f"{table(head, rows)}\n\n{text}"
 
 
 def hard(measure: Measure) -> str:
@@ -71,14 +74,9 @@ def hard(measure: Measure) -> str:
         fold = f"{checks['fold_depth']:.0e}, {checks['overlap_area']:.0e}" if checks.get("fold_depth") else "none"
         reached = "full load" if run["load"] == 1.0 else f"{100 * run['load']:.0f} % of the load"
         rows.append([label, reached, str(run["steps"]), str(run["iterations"]), str(run["jumps"]), fold,
-                     str(inverted(run))])  # fmt: skip
+                     str(run["inverted"])])  # fmt: skip
     head = ("problem", "reached", "steps", "Newton iterations", "jumps", "fold: depth, area", "cells with J < 0")
     return table(head, rows)
-
-
-def inverted(run: dict[str, Any]) -> int:
-    """Cells with J < 0 between the quadrature points at the end."""
-    return int(run["inverted"])
 
 
 def reuse(measure: Measure) -> str:

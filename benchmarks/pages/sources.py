@@ -4,19 +4,29 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import time
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+from tmc_vem.support.errors import InputError
+
+START = time.time()  # what is imported later is what is on disk later
 ROOT = Path(__file__).resolve().parents[2]
 PLACES = (ROOT, ROOT / "benchmarks", ROOT / "tests", ROOT / "tests" / "fem", ROOT / "tests" / "unit", ROOT / "demos")
 NO_MODULES = (".c", ".h", ".petsc", ".csv")  # read by modules of the same package
 
 
 def digest(path: Path) -> str:
-    """Hash of all files that a module depends on; comments, docstrings and line breaks in Python do not count."""
+    """Hash of all files that a module depends on; comments, docstrings and line breaks in Python do not count.
+
+    Raises:
+        InputError: one has changed since this process started, which may have imported it before.
+    """
     found = hashlib.sha256()
     for file in sorted(dependencies(path)):
+        if file.stat().st_mtime > START:
+            raise InputError(f"{file.relative_to(ROOT)} has changed since the refresh began: begin again")
         found.update(f"{file.relative_to(ROOT)}\0{_content(file)}\0".encode())
     return found.hexdigest()
 

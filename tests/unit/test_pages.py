@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -11,13 +13,15 @@ from typing import Any
 
 import pytest
 
+from tmc_vem.simulation.interrupt import Interrupted
 from tmc_vem.support.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "benchmarks"))
 
+from pages import refresh as command  # noqa: E402
 from pages import runs, sources  # noqa: E402
-from pages.block import Block  # noqa: E402
+from pages.block import COSTS, Block  # noqa: E402
 from pages.refresh import chosen, pages, places, refresh  # noqa: E402
 
 CALLS: list[float] = []
@@ -98,6 +102,16 @@ def test_a_block_that_fails_is_named_and_the_others_are_refreshed(repository: Si
     assert [line.split(":")[0] for line in stale] == ["docs/page.md, other"]
 
 
+def test_an_interrupt_ends_the_refresh(repository: SimpleNamespace) -> None:
+    """A run that is told to stop says so as an error, which is not that of a block."""
+
+    def stopped(measure: runs.Measure) -> str:
+        raise Interrupted(signal.SIGTERM)
+
+    with pytest.raises(Interrupted):
+        refresh(repository.root, [("README.md", Block("gap", "seconds", stopped))], runs.directly, _batch, check=False)
+
+
 @pytest.mark.parametrize(
     ("documents", "message"),
     [
@@ -117,11 +131,25 @@ def test_blocks_that_do_not_fit_the_pages_are_refused(documents: dict[str, str],
 def test_unknown_names_are_refused() -> None:
     with pytest.raises(InputError, match="no page or block is called 'gapp'"):
         chosen({"a.md": BLOCKS}, ["gapp"], quick=False)
+    with pytest.raises(InputError, match="nothing in other takes seconds"):
+        chosen({"a.md": BLOCKS}, ["other"], quick=True)
+
+
+def test_every_block_stands_in_a_page_and_is_filled() -> None:
+    registry = pytest.importorskip("pages.registry")
+    documents = pages()
+    found = places(documents, registry.BLOCKS)
+    assert {block.cost for blocks in found.values() for block in blocks} == set(COSTS)
+    for page, blocks in found.items():
+        texts = command.texts(documents[page])
+        for block in blocks:
+            assert re.search(r"\d", texts[block.name]), f"{page}, {block.name}"
 
 
 def test_measurements_depend_on_what_their_module_imports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sources, "ROOT", tmp_path)
     monkeypatch.setattr(sources, "PLACES", (tmp_path,))
+    monkeypatch.setattr(sources, "START", math.inf)
     files = {
         "study.py": "from package import name\n",
         "package/__init__.py": "import typing\nif typing.TYPE_CHECKING:\n    from package.one import name\n",
@@ -148,6 +176,10 @@ def test_measurements_depend_on_what_their_module_imports(tmp_path: Path, monkey
         (tmp_path / name).write_text((tmp_path / name).read_text() + "value = 2\n")
         assert digest() != before, name
         before = digest()
+    # what has changed since the process began may have been imported before: the value would not be of these sources
+    monkeypatch.setattr(sources, "START", (tmp_path / "package/one.py").stat().st_mtime - 1.0)
+    with pytest.raises(InputError, match="has changed since the refresh began"):
+        digest()
 
 
 def test_the_command_lists_and_refuses() -> None:
@@ -165,7 +197,7 @@ def test_the_command_lists_and_refuses() -> None:
 
 
 # what says where numbers come from: in the paragraph before a table, or in the page's own marks
-SOURCE = re.compile(r"benchmarks/\w+\.py|test_\w+\.py|<!-- \w+ -->")
+SOURCE = re.compile(r"benchmarks/\w+\.py|test_\w+\.py|<!-- \w+ -->|measured once")
 RESULT = re.compile(r"\d\.\d|\de-\d")
 
 

@@ -25,7 +25,7 @@ def compare_group() -> None:
     """Compare virtual and finite elements on several meshes.
 
     Writes a report that needs no other file (report.html), the same as Markdown, runs.csv, figures as SVG and PNG, and
-    all run directories. Runs that are there already with the same inputs are not repeated.
+    all run directories. Runs that are there already with the same inputs, by the same program, are not repeated.
     """
 
 

@@ -1,4 +1,4 @@
-"""Energies of :mod:`tmc_vem.energy` as UFL expressions, for scripts of your own in dolfinx and for our own forms."""
+"""Energies of ``tmc_vem.energy`` as UFL expressions, for scripts of your own in dolfinx and for our own forms."""
 
 from __future__ import annotations
 

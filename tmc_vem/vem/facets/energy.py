@@ -1,7 +1,7 @@
 """The interior penalty as an energy at a point of one face of a side, made of the medium's own density.
 
 With the trace q of a cell, the one polynomial whose derivatives are the second gradient of the cell's energy, the jump
-[[q]] and the normal n, a side between two cells of one medium stores, one half for each of its faces,
+[[q]] and the normal n, a side between two cells of one medium stores, one half for each of its faces::
 
     eta gamma alpha_r / 2 exp(-beta J) |D|^2 - dpsi/dG : B,      D = [[q]] / sqrt(h),  B = [[q]] (x) n,
 
