@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from numpy.typing import NDArray
 
 pytest.importorskip("dolfinx", reason="dolfinx is not installed")
-
-from mpi4py import MPI
 
 from tmc_vem.energy import Regulariser
 from tmc_vem.fem import compat

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -71,12 +72,19 @@ def started(out: Path, ranks: int, rows: int = 6) -> subprocess.Popen[bytes]:
     return running
 
 
+def descendants(pid: int) -> Iterator[int]:
+    """Processes below a process: MPICH's mpirun has a proxy between itself and the ranks."""
+    for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+        yield int(child)
+        yield from descendants(int(child))
+
+
 def kill_rank(running: subprocess.Popen[bytes], rank: int) -> None:
-    """SIGKILL the process of one rank."""
-    for child in Path(f"/proc/{running.pid}/task/{running.pid}/children").read_text().split():
-        environment = Path(f"/proc/{child}/environ").read_bytes().split(b"\0")
-        if f"OMPI_COMM_WORLD_RANK={rank}".encode() in environment:
-            os.kill(int(child), signal.SIGKILL)
+    """SIGKILL the process of one rank, of Open MPI or MPICH."""
+    names = {f"{variable}={rank}".encode() for variable in ("OMPI_COMM_WORLD_RANK", "PMI_RANK")}
+    for child in descendants(running.pid):
+        if names & set(Path(f"/proc/{child}/environ").read_bytes().split(b"\0")):
+            os.kill(child, signal.SIGKILL)
             return
     raise AssertionError(f"rank {rank} was not found")
 

@@ -35,7 +35,7 @@ PACKAGES = {
     "gmsh": Package(
         "triangles and quadrilaterals of any outline, .geo files",
         "pip install gmsh or apt-get install python3-gmsh",
-        "apt-get install libglu1-mesa libxcursor1 libxft2 libxinerama1 libgomp1",
+        "apt-get install libglu1-mesa libgl1 libxcursor1 libxft2 libxinerama1 libgomp1",
     ),
     "pandas": Package("RunResult.to_pandas", "pip install 'tmc-vem[analysis]'"),
     "pyvista": Package("RunResult.to_pyvista", "pip install 'tmc-vem[analysis]'"),
