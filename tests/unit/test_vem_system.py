@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers_mesh import grid, hanging, non_convex, voronoi, with_boundary
+from helpers_penalty import medium, penalised
 from helpers_system import CLAMPED, dense, interpolate, make_system, problem_system, region
 
 from tmc_vem.mesh import PolygonMesh
@@ -61,6 +62,9 @@ SYSTEMS = {
     },
     "hanging nodes": lambda: make_system(hanging(2, 0.04), region("medium_huhu", **MEDIUM)),
     "non-convex": lambda: make_system(non_convex(), region("solid", K=20.0, mu=10.0)),
+    "sides": lambda: make_system(
+        hanging(2, 0.04), penalised(medium("medium_angle_damped"), MEDIUM, "full"), [Prescribed("boundary", 0)]
+    ),
 }
 
 
@@ -107,9 +111,11 @@ def test_tangent_is_symmetric_and_assembles_its_action(name):
     assert product == pytest.approx(expected, abs=1e-11 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("name", ["box", "Voronoi, medium_angle_damped", "solid and medium, order 3", "hanging nodes"])
+@pytest.mark.parametrize(
+    "name", ["box", "Voronoi, medium_angle_damped", "solid and medium, order 3", "hanging nodes", "sides"]
+)
 def test_direct_insertion_is_that_of_petsc(name, monkeypatch):
-    """Most cells write to the matrix' values; with every cell through MatSetValuesLocal the matrix is the same."""
+    """Most terms write to the matrix' values; with every one through MatSetValues the matrix is the same."""
     tangents = []
     for direct in (True, False):
         if not direct:
@@ -118,7 +124,7 @@ def test_direct_insertion_is_that_of_petsc(name, monkeypatch):
         matrix, u = system.create_matrix(), interpolate(system, wavy)
         for _ in range(2):  # the second time over the values of the first
             system.jacobian(u, matrix)
-        assert any(part.direct.n_cells for part in system._insertion._parts) == direct
+        assert bool(system._insertion._direct) == direct
         tangents.append(dense(matrix))
     np.testing.assert_allclose(tangents[0], tangents[1], rtol=0, atol=1e-13 * np.abs(tangents[1]).max())
 

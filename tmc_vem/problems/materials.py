@@ -121,7 +121,7 @@ class Medium:
             **({} if self.alpha is None else {"alpha": self.alpha}),
             **({} if self.alpha is None or h is None else {"h": h}),
             "beta": self.beta,
-            **({} if self.energy == PAPER_MEDIUM else {"medium_energy": self.energy}),
+            **({} if self.energy == PAPER_MEDIUM else {"energy": self.energy}),
             "regulariser": self.regulariser if isinstance(self.regulariser, str) else regulariser.name,
             **({"parameters": parameters} if parameters else {}),
         }

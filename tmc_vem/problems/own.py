@@ -131,6 +131,8 @@ class OwnProblem:
             table = self.table.regions[name].medium
             if table is not None and table.alpha is not None:
                 region["medium"] |= {"alpha_r": self._regions[name].values["alpha_r"], "h": self._width(table)}
+            if table is not None and table.energy == MediumTable.energy:  # as before there was a choice
+                del region["medium"]["energy"]
         if self.table.mesh.cracks == "join":  # as before there was a choice
             del plain["mesh"]["cracks"]
         media = [region["medium"] for region in plain["regions"].values() if "medium" in region]
