@@ -21,6 +21,8 @@ from codegen.integrand import second_gradient_energy
 from codegen.kernel import TANGENT, compile_energy
 from codegen.trace import trace
 from tmc_vem.energy import PAPER_DENSITIES
+from tmc_vem.vem.facets.compiled import SIDE_DRIVER
+from tmc_vem.vem.facets.energy import facet_integrand
 from tmc_vem.vem.kernel.cells import compile_cells
 from tmc_vem.vem.kernel.driver import CELL_DRIVER
 
@@ -45,9 +47,13 @@ def c_source(name: str, driver: Driver | None) -> str:
 
 
 def assert_silent(monkeypatch, directory: Path, compiler: str, name: str, driver: Driver | None = CELL_DRIVER) -> None:
+    assert_source_is_silent(monkeypatch, directory, compiler, name, c_source(name, driver))
+
+
+def assert_source_is_silent(monkeypatch, directory: Path, compiler: str, name: str, text: str) -> None:
     monkeypatch.setenv("CC", compiler)
     source = directory / f"{name}.c"
-    source.write_text(c_source(name, driver))
+    source.write_text(text)
     command = [*build.compile_commands(source, directory / f"{name}.so")[0], *WARNINGS]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (run.returncode, run.stderr) == (0, ""), shlex.join(command)
@@ -57,6 +63,15 @@ def assert_silent(monkeypatch, directory: Path, compiler: str, name: str, driver
 @pytest.mark.parametrize("name", PAPER_DENSITIES)
 def test_no_compiler_warns_about_a_kernel(monkeypatch, tmp_path, compiler, name):
     assert_silent(monkeypatch, tmp_path, compiler, name)
+
+
+@pytest.mark.parametrize("compiler", compilers())
+@pytest.mark.parametrize("full", [False, True])
+def test_nor_about_one_of_sides(monkeypatch, tmp_path, compiler, full):
+    energy = PAPER_DENSITIES["medium_angle_damped"]
+    medium = second_gradient_energy(energy.density, energy.name, energy.parameters)
+    source = generate(trace(facet_integrand(medium, full)), driver=SIDE_DRIVER).c_source
+    assert_source_is_silent(monkeypatch, tmp_path, compiler, "sides", source)
 
 
 @pytest.mark.parametrize("compiler", compilers())

@@ -6,19 +6,25 @@
 enum { N_JUMP = DIMENSION };
 
 typedef struct {
-  vec *allocated;
+  void *allocated;
   vec *u_ai, *R_ai;
   vec *B_qra;    /* rows of one face at all points */
   vec *D_kqra;   /* the material's answer to them, for the blocks xx, xy, yy */
   vec *K_kab;
 } side_workspace;
 
+/* Room for ``n`` vectors from ``first`` on, aligned for them; NULL if there is none. C99 has no aligned_alloc. */
+static void *allocate_vectors(size_t n, vec **first) {
+  void *allocated = malloc((n + 1) * sizeof(vec));
+  *first = (vec *)(((uintptr_t)allocated + sizeof(vec) - 1) / sizeof(vec) * sizeof(vec));
+  return allocated;
+}
+
 static int allocate_sides(side_workspace *work, const tmc_sides *sides, int level) {
   const size_t n = sides->n_basis, rows = (size_t)sides->n_points * (sides->n_own + N_JUMP);
   const size_t tangent = level >= TMC_TANGENT ? 3 * rows * n + 3 * n * n : 0;
-  work->allocated = aligned_alloc(sizeof(vec), (4 * n + rows * n + tangent) * sizeof(vec));
+  work->allocated = allocate_vectors(4 * n + rows * n + tangent, &work->u_ai);
   if (!work->allocated) return 0;
-  work->u_ai = work->allocated;
   work->R_ai = work->u_ai + 2 * n;
   work->B_qra = work->R_ai + 2 * n;
   work->D_kqra = work->B_qra + rows * n;
@@ -189,8 +195,10 @@ int64_t tmc_side_terms(int level, const tmc_sides *sides, const double *u_ni, co
 
 int64_t tmc_side_limits(const tmc_sides *sides, const double *u_ni, const double *du_ni, double *step_s) {
   const int n = sides->n_basis, n_own = sides->n_own, n_q = sides->n_points;
-  vec *u_ai = aligned_alloc(sizeof(vec), 4 * (size_t)n * sizeof(vec)), *du_ai = u_ai + 2 * n;
-  if (!u_ai) return -2;
+  vec *u_ai;
+  void *allocated = allocate_vectors(4 * (size_t)n, &u_ai);
+  if (!allocated) return -2;
+  vec *du_ai = u_ai + 2 * n;
   for (int64_t s0 = 0; s0 < sides->n_sides; s0 += LANES) {
     gather_sides(sides, s0, u_ni, u_ai);
     gather_sides(sides, s0, du_ni, du_ai);
@@ -215,6 +223,6 @@ int64_t tmc_side_limits(const tmc_sides *sides, const double *u_ni, const double
     }
     for (int v = 0; v < LANES && s0 + v < sides->n_sides; ++v) step_s[s0 + v] = ((double *)&step)[v];
   }
-  free(u_ai);
+  free(allocated);
   return -1;
 }
