@@ -30,7 +30,8 @@ from tmc_vem.simulation import RunOptions, run
 from tmc_vem.simulation.discretised import discretise
 from tmc_vem.solve.linear import LinearSolver
 from tmc_vem.support.errors import ConvergenceError
-from tmc_vem.system.fem_settings import INTERIOR_PENALTIES, FemSettings
+from tmc_vem.system.fem_settings import FemSettings
+from tmc_vem.system.interior_penalty import INTERIOR_PENALTIES
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 MESHES: dict[str, Callable[[int], PolygonMesh]] = {

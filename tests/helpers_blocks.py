@@ -19,7 +19,7 @@ shape = "up"
 solid = {{ K = 20, mu = 10 }}
 [regions.medium]
 shape = "between - up"
-medium = {{ gamma = {gamma}, alpha_r = {alpha_r} }}
+medium = {{ {medium} }}
 [mesh]
 cells = "{cells}"
 size = {size}
@@ -50,9 +50,12 @@ def blocks(directory: Path, solve: str = "", **values: object) -> Path:
     Args:
         directory: where to write it.
         solve: lines of its [solve] table.
-        values: left, right, top, gamma, alpha_r, cells, size and uy, where they are not the usual ones.
+        values: left, right, top, medium, cells, size and uy, where they are not the usual ones; of the usual medium
+            also gamma and alpha_r.
     """
     usual = {"left": 0, "right": 1, "top": 0.6, "gamma": 1e-4, "alpha_r": 0.01, "cells": "voronoi", "size": 0.1}
+    chosen = {**usual, "uy": -0.25, "solve": solve, **values}
+    chosen.setdefault("medium", f"gamma = {chosen['gamma']}, alpha_r = {chosen['alpha_r']}")
     path = directory / "blocks.toml"
-    path.write_text(BLOCKS.format(**{**usual, "uy": -0.25, "solve": solve, **values}))
+    path.write_text(BLOCKS.format(**chosen))
     return path

@@ -6,7 +6,7 @@ import interior_penalty as studies
 
 from pages.block import Block
 from pages.runs import Measure, table
-from tmc_vem.system.fem_settings import INTERIOR_PENALTIES
+from tmc_vem.system.interior_penalty import INTERIOR_PENALTIES
 
 SIZES = (8, 16, 32)
 PAIR = (10.0, 1e-4)  # alpha_r, gamma: the regulariser counts

@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from helpers_mesh import hanging, voronoi
+from helpers_mesh import grid, hanging, voronoi
 from helpers_penalty import medium, penalised
 from helpers_system import CLAMPED, interpolate, make_system, problem_system, region
 
@@ -90,6 +90,9 @@ report: dict[str, Any] = {
             {"left": penalised(ANGLE, VALUES, "full"), "right": penalised(HUHU, {**VALUES, "gamma": 0.2}, "full")},
             [Prescribed("boundary", 0)],
         )
+    ),
+    "sides of two cells": numbers(
+        make_system(grid(2, 1), penalised(HUHU, VALUES, "full"), [Prescribed("boundary", 0)])
     ),
     "sides, order 3": numbers(
         make_system(hanging(3), penalised(ANGLE, VALUES, "penalty"), (), ElementSettings(order=3))

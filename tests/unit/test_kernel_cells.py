@@ -16,6 +16,8 @@ from codegen.integrand import second_gradient_energy
 from codegen.kernel import ENERGY, TANGENT, Kernel
 from codegen.library import ARRAY, INT, INT64, POINTS, load_library
 from tmc_vem.energy import DENSITIES
+from tmc_vem.vem.facets.batch import SidesStruct
+from tmc_vem.vem.facets.compiled import SIDE_DRIVER, SideKernel
 from tmc_vem.vem.kernel.abi import SIGNATURES
 from tmc_vem.vem.kernel.batch import BatchStruct, CellBatch, Tangents, TangentsStruct
 from tmc_vem.vem.kernel.cells import CellKernel, compile_cells
@@ -335,8 +337,9 @@ def without_comments(code):
     return re.sub(r"/\*.*?\*/", "", code, flags=re.DOTALL)
 
 
-def test_signatures_are_those_of_the_header():
-    code = without_comments(points_header() + CELL_DRIVER.declarations)
+@pytest.mark.parametrize(("driver", "signatures"), [(CELL_DRIVER, SIGNATURES), (SIDE_DRIVER, SideKernel.signatures)])
+def test_signatures_are_those_of_the_header(driver, signatures):
+    code = without_comments(points_header() + driver.declarations)
     declared = {}
     for result, name, arguments in re.findall(r"(\w+) (tmc_\w+)\(([^)]*)\);", code):
         types = ["pointer" if "*" in argument else argument.split()[0] for argument in arguments.split(",")]
@@ -344,22 +347,29 @@ def test_signatures_are_those_of_the_header():
     names = {INT: "int", INT64: "int64_t", ARRAY: "pointer", None: "void"}
     expected = {
         name: (names[result], [names[argument] for argument in arguments])
-        for name, (result, arguments) in SIGNATURES.items()
+        for name, (result, arguments) in signatures.items()
     }
     assert declared == expected
 
 
 def test_structures_are_those_of_the_header():
-    code = without_comments(CELL_DRIVER.declarations)
     names = {ctypes.c_int64: "int64_t", ctypes.c_int32: "int32_t", ctypes.c_void_p: "pointer"}
-    for name, struct in (("tmc_batch", BatchStruct), ("tmc_tangents", TangentsStruct)):
+    for driver, name, struct in (
+        (CELL_DRIVER, "tmc_batch", BatchStruct), (CELL_DRIVER, "tmc_tangents", TangentsStruct),
+        (SIDE_DRIVER, "tmc_sides", SidesStruct),
+    ):  # fmt: skip
+        code = without_comments(driver.declarations)
         (body,) = re.findall(rf"typedef struct {{([^}}]*)}} {name};", code)
         declared = []
         for statement in filter(str.strip, body.split(";")):
             kind = "pointer" if "*" in statement else statement.split()[0]
             first = statement.strip().rsplit(" ", statement.count(",") + 1)[1:]
             declared += [(word.strip("*, "), kind) for word in first]
-        assert declared == [(field, names[kind]) for field, kind in struct._fields_], name
+        expected = [
+            (f"{field}[{kind._length_}]", names[kind._type_]) if hasattr(kind, "_length_") else (field, names[kind])
+            for field, kind in struct._fields_
+        ]
+        assert declared == expected, name
 
 
 def test_a_library_that_is_no_kernel_is_refused(tmp_path):

@@ -6,59 +6,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers_blocks import blocks
 
 from tmc_vem.problems.hints import FLUSH, hints
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation import run
 from tmc_vem.simulation.problem_file import read_problem
 
-BLOCKS = """
-name = "blocks"
-gap = ["tip", "ground"]
-[shapes]
-low = {{ rectangle = [0, 0, 1, 0.4] }}
-mid = {{ rectangle = [0, 0.4, 1, 0.6] }}
-up = {{ rectangle = [0, 0.6, 1, 1.0] }}
-[regions.low]
-shape = "low"
-solid = {{ K = 20, mu = 10 }}
-[regions.up]
-shape = "up"
-solid = {{ K = 20, mu = 10 }}
-[regions.medium]
-shape = "mid"
-medium = {{ {medium} }}
-[mesh]
-cells = "voronoi"
-size = 0.1
-[points]
-tip = [0.5, 0.6]
-ground = [0.5, 0.4]
-[edges]
-bottom = {{ line = [[0, 0], [1, 0]] }}
-top = {{ line = [[0, 1], [1, 1]] }}
-[[support]]
-at = "bottom"
-ux = 0
-uy = 0
-[[support]]
-at = "top"
-ux = 0
-[load]
-at = "top"
-uy = -0.25
-[solve]
-max_iterations = 300
-{solve}
-"""
 OURS = 'energy = "balanced", regulariser = "angle_log", alpha = 0.25'
 
 
 def problem_of(directory: Path, medium: str, solve: str = "") -> Any:
     """Problem and options of two blocks with a medium."""
-    path = directory / "blocks.toml"
-    path.write_text(BLOCKS.format(medium=medium, solve=solve))
-    return read_problem(path)
+    return read_problem(blocks(directory, f"max_iterations = 300\n{solve}", medium=medium))
 
 
 def solved(directory: Path, medium: str, solve: str = "") -> RunResult:

@@ -43,8 +43,9 @@ def batch_options(out: str) -> Decorator:
 
 
 def study_options(penalty: str) -> Decorator:
-    """Options of discretisation and load stepping that all comparisons share."""
-    return with_options([setting(FemSettings, "order"), setting(RunOptions, "steps"), penalty_option(penalty)])
+    """Options of discretisation and load stepping that all comparisons share; virtual elements are the paper's."""
+    penalty_of_fem = penalty_option(penalty, before="fem:")
+    return with_options([setting(FemSettings, "order"), setting(RunOptions, "steps"), penalty_of_fem])
 
 
 def factor_option(cells: str) -> Decorator:

@@ -59,9 +59,9 @@ def element_options() -> list[click.Option]:
     ]
 
 
-def penalty_option(default: str = FemSettings.interior_penalty) -> click.Option:
-    """Option of the interior penalty, with the default of a command."""
-    return setting(FemSettings, "interior_penalty", default=default)
+def penalty_option(default: str = FemSettings.interior_penalty, *, before: str = "") -> click.Option:
+    """Option of the interior penalty, with the default of a command and what it says before."""
+    return setting(FemSettings, "interior_penalty", before=before, default=default)
 
 
 def out_options() -> list[click.Option]:

@@ -16,6 +16,7 @@ from tmc_vem.fem import compat
 from tmc_vem.fem.maths import ufl_namespace
 from tmc_vem.mesh.geometry import areas
 from tmc_vem.support.errors import InputError
+from tmc_vem.system.interior_penalty import require_weights
 
 Int = NDArray[np.int64]
 
@@ -57,7 +58,7 @@ def interior_penalty(
 
     compat.require()
     integrand, p = _integrand(energy), _parameters(energy, parameters)
-    require_medium(energy.name, integrand)
+    require_weights(energy.name, integrand)
     mesh = u.function_space.mesh
     corners_cvx, cell = compat.corners(mesh)
     sizes = areas(corners_cvx[:, compat.tensor_order(cell)])
@@ -131,20 +132,6 @@ def facet_width(mesh: Any, cell: str, areas_c: Any) -> Any:
     length = ufl.geometry.FacetJacobianDeterminant(mesh)
     factor = 2 if cell == compat.TRIANGLE else 1
     return factor * ufl.avg(area) / length("+")
-
-
-def require_medium(name: str, integrand: Integrand) -> None:
-    """Check that an energy has what the penalty is weighted by.
-
-    Raises:
-        InputError: it has not.
-    """
-    for wanted in ("gamma", "alpha_r"):
-        if wanted not in integrand.parameter_names:
-            raise InputError(
-                f"region '{name}': the interior penalty is weighted by gamma and alpha_r, but energy "
-                f"'{integrand.name}' has no parameter '{wanted}'; use interior penalty 'none'"
-            )
 
 
 def _integrand(energy: Energy) -> Integrand:

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from codegen.integrand import Integrand
 from tmc_vem.fem import compat
-from tmc_vem.fem.expressions import density, facet_energy, facet_width, require_medium
+from tmc_vem.fem.expressions import density, facet_energy, facet_width
 from tmc_vem.fem.mesh import FemMesh
 from tmc_vem.system.fem_settings import FemSettings
+from tmc_vem.system.interior_penalty import require_weights
 
 
 class RegionDensity(Protocol):
@@ -77,7 +78,7 @@ def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], sett
         dS = ufl.Measure("dS", domain=domain, subdomain_data=facet_tags, metadata=metadata)
         width = facet_width(domain, mesh.cell, mesh.areas_c)
         for tag, name in enumerate(media, start=1):
-            require_medium(name, regions[name].integrand)
+            require_weights(name, regions[name].integrand)
             weight = eta * parameters[name].gamma * parameters[name].alpha_r / (2 * width)
             full = settings.interior_penalty == "full"
             facets[name] = facet_energy(u, G, weight, parameters[name], densities[name] if full else None) * dS(tag)

@@ -175,11 +175,8 @@ class Mat(Protocol):
     def setValueLocal(self, row: int, col: int, value: float, addv: object = None) -> None:
         """One entry, by this rank's numbers."""
 
-    def setValuesLocalRCV(self, R: NDArray[Any], C: NDArray[Any], V: NDArray[Any], addv: object = None) -> None:
-        """Many dense blocks, by this rank's numbers."""
-
     def setValuesRCV(self, R: NDArray[Any], C: NDArray[Any], V: NDArray[Any], addv: object = None) -> None:
-        """The same by numbers over all ranks."""
+        """Many dense blocks, by numbers over all ranks."""
 
     def assemble(self) -> None:
         """Bring to other ranks what belongs there."""

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.settings import about, described
 from tmc_vem.support.validation import check_fields, require_positive
-
-INTERIOR_PENALTIES = ("none", "penalty", "full")
+from tmc_vem.system.interior_penalty import INTERIOR_PENALTIES
 
 
 @described

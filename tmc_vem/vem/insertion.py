@@ -1,9 +1,9 @@
-"""Tangents of elements into a PETSc matrix.
+"""Tangents of cells, and of sides between them, into a PETSc matrix.
 
 Most cells have only nodes that this rank owns and that are free. Their tangents are added to the matrix' values in the
 kernel, at positions that are looked up once: PETSc's own insertion searches every row for every entry, which costs as
-much as the tangent itself. The other cells, along constraints and between ranks, go through ``MatSetValuesLocal``,
-which skips constrained entries and sends what belongs to other ranks.
+much as the tangent itself. The others, along constraints and between ranks, go through ``MatSetValues``, which skips
+constrained entries and sends what belongs to other ranks.
 """
 
 from __future__ import annotations

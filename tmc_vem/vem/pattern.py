@@ -92,7 +92,8 @@ def node_pattern(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Compressed rows of the graph of nodes that share a cell, or a row of ``more``: row starts (n_nodes + 1,) and
     sorted columns."""
-    together = [*(block.batch.nodes_ca for block in blocks), *more]
+    none = np.empty((0, 0), dtype=np.int32)  # of a rank without cells
+    together = [none, *(block.batch.nodes_ca for block in blocks), *more]
     sizes = [np.full(len(nodes), nodes.shape[1]) for nodes in together]
     offsets = np.concatenate([[0], np.cumsum(np.concatenate(sizes))])
     nodes = np.concatenate([nodes.ravel() for nodes in together])

@@ -27,18 +27,19 @@ from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
 from tmc_vem.system.reduction import Shares, at_named_points, reaction, step_limit
-from tmc_vem.vem.blocks import CHUNK, RegionKernel, make_blocks
+from tmc_vem.vem.blocks import CHUNK, Block, RegionKernel, make_blocks
 from tmc_vem.vem.dense import smallest_jacobians
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.facets.exchange import Halo
 from tmc_vem.vem.facets.penalty import InteriorPenalty, SideTerms
 from tmc_vem.vem.insertion import CellTerms, MatrixInsertion, Terms
 from tmc_vem.vem.kernel.cells import CellValues
+from tmc_vem.vem.near_null_space import rigid_motions
 from tmc_vem.vem.pattern import parallel_matrix, serial_matrix
 from tmc_vem.vem.point_weights import locate
+from tmc_vem.vem.polygons import polygons_through_nodes
 from tmc_vem.vem.spaces.element import element_groups
 from tmc_vem.vem.spaces.element_settings import ElementSettings
-from tmc_vem.vem.spaces.quadrature import gauss_lobatto
 from tmc_vem.vem.spaces.tabulated import points_and_values
 
 Float = NDArray[np.float64]
@@ -83,9 +84,8 @@ class VemSystem:
         groups = element_groups(distributed.mesh, self.settings, distributed.cell_ids)
         self.blocks = on_every_rank(self.comm, lambda: make_blocks(distributed, self.dofmap, groups, kernels))
         self.size = self._extent()
-        penalised = any(kernels[region].sides is not None for region in self.regions)
         self.penalty: InteriorPenalty | None = None
-        if penalised:
+        if any(kernels[region].sides is not None for region in self.regions):
             direct = (self.dofmap.owned_node_n >= 0) & ~self._is_constrained().any(axis=1)
             self.penalty = InteriorPenalty(distributed, self.dofmap, self.blocks, kernels, direct)
         self._load_nodes: Float | None = None
@@ -105,7 +105,7 @@ class VemSystem:
         """A new symmetric matrix, preallocated exactly."""
         dm = self.dofmap.dm
         plain = self.comm.size == 1 and not PETSc.Options().hasName("dm_mat_type")
-        more = [] if self.penalty is None else [term.nodes_ca for term in self.penalty.terms]
+        more = [terms.nodes_ca for terms in self._sides()]
         if plain:
             matrix: Mat = serial_matrix(self.blocks, dm, self.dofmap.n_nodes, more)
         elif self.penalty is None:
@@ -116,7 +116,7 @@ class VemSystem:
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
-        matrix.setNearNullSpace(self._rigid_motions())
+        matrix.setNearNullSpace(rigid_motions(self.comm, self.node_labels(), self.create_vector))
         return matrix
 
     def constrained(self) -> NDArray[np.int32]:
@@ -133,12 +133,11 @@ class VemSystem:
 
     def set_parameters(self, values: Mapping[str, float]) -> None:
         """Change parameters, by name, in every energy that has them."""
-        for block in self.blocks:
-            for position, name in enumerate(block.kernel.parameters):
+        owners: list[Block | SideTerms] = [*self.blocks, *self._sides()]
+        for each in owners:
+            for position, name in enumerate(each.kernel.parameters):
                 if name in values:
-                    block.parameters[position] = values[name]
-        if self.penalty is not None:
-            self.penalty.set_parameters(values)
+                    each.parameters[position] = values[name]
 
     def energy(self, u: Vec) -> Evaluation:
         """Potential at ``u``."""
@@ -192,11 +191,10 @@ class VemSystem:
         """Largest s with J > 0 at every quadrature point along u + t du, t < s."""
         u_nodes = self._extended(u).copy()
         du_nodes = self._extended(du)
-        sides = [] if self.penalty is None else self.penalty.terms
         steps = self._together(
             lambda: [
                 *(block.kernel.max_step(block.batch, u_nodes, du_nodes) for block in self.blocks),
-                *(terms.max_step(u_nodes, du_nodes) for terms in sides),
+                *(terms.max_step(u_nodes, du_nodes) for terms in self._sides()),
             ]
         )
         return step_limit(self.comm, (float(step_c.min(initial=np.inf)) for step_c in steps))
@@ -278,21 +276,7 @@ class VemSystem:
 
     def output_polygons(self) -> Polygons:
         """This rank's cells as polygons through vertices and points on the sides."""
-        mesh, edges = self.distributed.mesh, self.distributed.edges
-        order = self.settings.order
-        interior = gauss_lobatto(order + 1)[0][1:-1]
-        start, end = (mesh.points_vx[edges.vertices_ev[:, n]] for n in (0, 1))
-        along = start[:, None] + (end - start)[:, None] * interior[:, None]
-        on_edges = mesh.n_vertices + np.arange(len(edges))[:, None] * (order - 1) + np.arange(order - 1)
-        side_points = on_edges[edges.cell_edges]
-        side_points = np.where(edges.forward[:, None], side_points, side_points[:, ::-1])
-        return Polygons(
-            points_nx=np.concatenate([mesh.points_vx, along.reshape(-1, 2)]),
-            offsets=mesh.cell_offsets * order,
-            connectivity=np.column_stack([mesh.cell_vertices, side_points]).ravel(),
-            region_c=mesh.region_c,
-            region_names=mesh.region_names,
-        )
+        return polygons_through_nodes(self.distributed, self.settings.order)
 
     def output_displacements(self, u: Vec) -> Float:
         """Displacements (n_points, 2) of the points of :meth:`output_polygons`."""
@@ -378,8 +362,11 @@ class VemSystem:
     def _terms(self) -> Iterator[Terms]:
         """Everything that has a tangent: cells, and sides."""
         yield from (CellTerms(block, block.batch) for block in self.blocks)
-        if self.penalty is not None:
-            yield from self.penalty.terms
+        yield from self._sides()
+
+    def _sides(self) -> Sequence[SideTerms]:
+        """Those of the interior penalty, if there is one."""
+        return [] if self.penalty is None else self.penalty.terms
 
     def _is_constrained(self) -> NDArray[np.bool_]:
         """(n_nodes, 2) whether a component of a node is prescribed."""
@@ -441,20 +428,6 @@ class VemSystem:
         nodes: Int = np.flatnonzero(marked)
         return nodes
 
-    def _rigid_motions(self) -> object:
-        """Two translations and the rotation, for multigrid; of a moment, its mean (exact for the one of k = 2)."""
-        x_nz = self.node_labels()
-        x, y, is_mean = x_nz[:, 0], x_nz[:, 1], x_nz[:, 2] <= 1.0
-        motions: list[Vec] = []
-        for motion in ((is_mean, 0.0 * x), (0.0 * x, is_mean), (-y * is_mean, x * is_mean)):
-            vector = self.create_vector()
-            vector.getArray()[:] = np.column_stack(motion).ravel()
-            for other in motions:
-                vector.axpy(-vector.dot(other), other)
-            vector.normalize()
-            motions.append(vector)
-        return PETSc.NullSpace().create(vectors=motions, comm=self.comm)
-
     def _extent(self) -> float:
         points = self.distributed.mesh.points_vx
         mine = [points.min(axis=0), points.max(axis=0)] if len(points) else []
@@ -497,8 +470,7 @@ class VemSystem:
     def _evaluate(self, u_nodes: Float, residual: Float | None = None) -> Evaluated:
         """Energies of all blocks and sides; their residuals are added to ``residual`` (n_nodes, 2)."""
         of_cells = [block.kernel.cells(block.batch, u_nodes, block.parameters, residual) for block in self.blocks]
-        sides = [] if self.penalty is None else self.penalty.terms
-        return of_cells, [(terms, terms.energies(u_nodes, residual)) for terms in sides]
+        return of_cells, [(terms, terms.energies(u_nodes, residual)) for terms in self._sides()]
 
     def _evaluation(self, values: Evaluated, u_nodes: Float) -> Evaluation:
         shares = Shares(self.regions)

@@ -15,8 +15,9 @@ from codegen.driver import Driver
 from codegen.integrand import Integrand
 from codegen.kernel import ENERGY, GRADIENT, TANGENT, Kernel, compiled
 from codegen.library import ARRAY, INT, INT64, POINTS, Signatures, address
+from tmc_vem.system.interior_penalty import require_weights
 from tmc_vem.vem.facets.batch import SideBatch
-from tmc_vem.vem.facets.energy import ETA, facet_integrand, require_weights
+from tmc_vem.vem.facets.energy import ETA, facet_integrand
 from tmc_vem.vem.kernel.driver import LANE_PRODUCTS, STEP_LIMIT
 
 Float = NDArray[np.float64]
@@ -85,9 +86,10 @@ class SideKernel(Kernel):
     ) -> tuple[Float, Float]:
         self.check_parameters(parameters)
         energy_s, min_j_s = np.empty((2, batch.n_sides))
+        u_ni = np.ascontiguousarray(u_ni)  # kept while C reads it
         given = [address(array) for array in (*out, *(None,) * (5 - len(out)))]
         status = self._lib.tmc_side_terms(
-            level, ctypes.byref(batch.struct), address(np.ascontiguousarray(u_ni)), address(parameters),
+            level, ctypes.byref(batch.struct), address(u_ni), address(parameters),
             address(energy_s), address(min_j_s), *given,
         )  # fmt: skip
         self._require_memory(status)
@@ -96,15 +98,6 @@ class SideKernel(Kernel):
     def _require_memory(self, status: int) -> None:
         if status == OUT_OF_MEMORY:
             raise MemoryError(f"kernel '{self.name}' could not allocate its work space")
-
-
-def compile_integrand(integrand: Integrand) -> SideKernel:
-    """Kernel of an energy at a point of a face, from the cache if it is there.
-
-    Raises:
-        CodegenError: it cannot be generated or compiled.
-    """
-    return SideKernel(compiled(integrand, SIDE_DRIVER), integrand)
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,10 @@ from codegen.directional import RatedMath, RatedParameters, rated
 from codegen.integrand import DEFORMATION_GRADIENT, SECOND_GRADIENT, Integrand, Parameter
 from codegen.layout import Input, Take
 from tmc_vem.energy import kinematics as kin
-from tmc_vem.support.errors import InputError
 
 SCALED_JUMP = Input("D", "u", Take.JUMP, (2, 2))
 JUMP_BY_NORMAL = Input("B", "u", Take.JUMP, (2, 2, 2))
 ETA = "eta_of_sides"  # the factor of the penalty among the parameters
-NEEDED = ("gamma", "alpha_r")
 
 
 def facet_integrand(medium: Integrand, full: bool) -> Integrand:
@@ -54,17 +52,3 @@ def facet_integrand(medium: Integrand, full: bool) -> Integrand:
         complete if full else penalty,
         f"interior penalty of {medium.name}",
     )
-
-
-def require_weights(region: str, medium: Integrand) -> None:
-    """Check that a medium has what weights the penalty.
-
-    Raises:
-        InputError: it lacks one of gamma and alpha_r.
-    """
-    for wanted in NEEDED:
-        if wanted not in medium.parameter_names:
-            raise InputError(
-                f"region '{region}': the interior penalty is weighted by gamma and alpha_r, but energy '{medium.name}' "
-                f"has no parameter '{wanted}'; use interior penalty 'none'"
-            )

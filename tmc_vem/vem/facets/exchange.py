@@ -56,15 +56,16 @@ def meet(
         none on any rank: they are at the medium's edge.
     """
     comm = distributed.comm
+    if comm.size == 1:
+        return [], np.arange(len(sides))
     keys = [
         (int(a), int(b), int(region)) for (a, b), region in zip(edge_keys(distributed, sides), region_s, strict=True)
     ]
     here = {key: position for position, key in enumerate(keys)}
-    theirs = comm.allgather(keys) if comm.size > 1 else [keys]
     outgoing: list[list[tuple[tuple[int, int, int], Faces]]] = [[] for _ in range(comm.size)]
     mine: dict[tuple[int, int, int], int] = {}
     shared = np.zeros(len(sides), dtype=bool)
-    for rank, other in enumerate(theirs):
+    for rank, other in enumerate(comm.allgather(keys)):
         if rank == comm.rank:
             continue
         for key in other:
@@ -74,8 +75,7 @@ def meet(
                     outgoing[rank].append((key, _face(table, int(sides[here[key]]), numbers_n)))
                 else:
                     mine[key] = int(sides[here[key]])
-    incoming = comm.alltoall(outgoing) if comm.size > 1 else [[]]
-    met = [Met(mine[key], face) for part in incoming for key, face in part]
+    met = [Met(mine[key], face) for part in comm.alltoall(outgoing) for key, face in part]
     return met, np.flatnonzero(~shared)
 
 
@@ -93,12 +93,15 @@ class Halo:
         comm: the ranks.
         dofmap: this rank's nodes.
         global_nodes: global numbers of the others, sorted, each once.
+
+    Attributes:
+        is_used: whether any rank has such nodes; where none has, there is nothing to exchange.
     """
 
     def __init__(self, comm: Comm, dofmap: DofMap, global_nodes: Int) -> None:
         self.n_local = dofmap.n_nodes
         self._numbers = global_nodes
-        self.is_used = bool(sum(comm.allgather(len(global_nodes)))) if comm.size > 1 else False
+        self.is_used = sum(comm.allgather(len(global_nodes))) > 0
         if self.is_used:
             wanted = DISPLACEMENT.dofs(global_nodes).ravel().astype(PETSc.IntType)
             self._values: Any = PETSc.Vec().createSeq(len(wanted), comm=PETSc.COMM_SELF)
@@ -124,13 +127,10 @@ class Halo:
 
     def extended(self, u: Vec, u_ni: Float) -> Float:
         """Values (n_nodes + n_halo, 2): those of this rank's nodes, then those of the halo; all ranks call this."""
-        if not self.is_used:
-            return u_ni
         self._scatter.scatter(u, self._values, PETSc.InsertMode.INSERT_VALUES, PETSc.ScatterMode.FORWARD)
         return np.concatenate([u_ni, DISPLACEMENT.nodal(self._values.getArray(readonly=True))])
 
     def add(self, total_ni: Float, out: Vec) -> None:
         """Add the values of the halo's nodes to a global vector; all ranks call this."""
-        if self.is_used:
-            self._values.getArray()[:] = total_ni[self.n_local :].ravel()
-            self._scatter.scatter(self._values, out, PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
+        self._values.getArray()[:] = total_ni[self.n_local :].ravel()
+        self._scatter.scatter(self._values, out, PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)

@@ -17,7 +17,7 @@ from tmc_vem.mesh.spread.distribute import DistributedMesh
 from tmc_vem.vem.blocks import Block, RegionKernel
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.facets.batch import Faces, Side, SideBatch, jump_of_faces
-from tmc_vem.vem.facets.compiled import SideEnergy
+from tmc_vem.vem.facets.compiled import SideKernel
 from tmc_vem.vem.facets.exchange import Halo, Met, meet
 from tmc_vem.vem.facets.faces import FaceTable, points_of_side
 from tmc_vem.vem.spaces.projector import edge_basis_slopes
@@ -32,13 +32,14 @@ class SideTerms:
 
     Attributes:
         region: name.
-        energy: of a point of a face, with parameters that are theirs.
+        kernel, parameters: energy of a point of a face.
         batch: the sides.
         cells: (n_sides, n_faces) cells of this rank, -1 for those of others.
     """
 
     region: str
-    energy: SideEnergy
+    kernel: SideKernel
+    parameters: Float
     batch: SideBatch
     cells: Int
 
@@ -49,25 +50,25 @@ class SideTerms:
 
     def take(self, chosen: Int | slice) -> SideTerms:
         """Some of the sides, with the same parameters."""
-        return SideTerms(self.region, self.energy, self.batch.take(chosen), self.cells[chosen])
+        return SideTerms(self.region, self.kernel, self.parameters, self.batch.take(chosen), self.cells[chosen])
 
     def energies(self, u_ni: Float, residual_ni: Float | None = None) -> tuple[Float, Float]:
         """Energy and smallest J (n_sides,) of each side; residuals are added to ``residual_ni`` if it is given."""
-        return self.energy.kernel.energies(self.batch, u_ni, self.energy.parameters, residual_ni)
+        return self.kernel.energies(self.batch, u_ni, self.parameters, residual_ni)
 
     def max_step(self, u_ni: Float, du_ni: Float) -> Float:
         """Largest s of each side, (n_sides,), with J > 0 at its points along u + t du, t < s."""
-        return self.energy.kernel.max_step(self.batch, u_ni, du_ni)
+        return self.kernel.max_step(self.batch, u_ni, du_ni)
 
     def tangents(self, u_ni: Float) -> Float:
         """Tangents (n_sides, n_basis, 2, n_basis, 2)."""
-        return self.energy.kernel.tangents(self.batch, u_ni, self.energy.parameters)
+        return self.kernel.tangents(self.batch, u_ni, self.parameters)
 
     def add_tangents(
         self, u_ni: Float, values: Float, position_cab: NDArray[np.int32], row_length_n: NDArray[np.int32]
     ) -> None:
         """Add the tangents to the values of a matrix."""
-        self.energy.kernel.add_tangents(self.batch, u_ni, self.energy.parameters, values, position_cab, row_length_n)
+        self.kernel.add_tangents(self.batch, u_ni, self.parameters, values, position_cab, row_length_n)
 
 
 class InteriorPenalty:
@@ -190,7 +191,7 @@ class InteriorPenalty:
                 side = Side(normal[chosen], h[chosen], w[chosen])
                 batch = SideBatch.pack(energy.kernel.layout, some, jump[chosen], side)
                 cells = np.column_stack([face.cell_f for face in some])
-                yield SideTerms(region, SideEnergy(energy.kernel, energy.parameters.copy()), batch, cells)
+                yield SideTerms(region, energy.kernel, energy.parameters.copy(), batch, cells)
 
     def _geometry(self, sides: Int) -> tuple[Float, Float]:
         """Unit normals (n, 2) out of the sides' cells, and lengths."""
@@ -211,12 +212,3 @@ class InteriorPenalty:
     def node_numbers(self) -> Int:
         """(n_nodes + n_halo,) number over all ranks of this rank's nodes and those of the halo."""
         return np.concatenate([self._node_numbers, self.halo.numbers])
-
-    # -- values ----------------------------------------------------------------------------------------------------
-
-    def set_parameters(self, values: Mapping[str, float]) -> None:
-        """Change parameters, by name."""
-        for term in self.terms:
-            for position, name in enumerate(term.energy.kernel.parameters):
-                if name in values:
-                    term.energy.parameters[position] = values[name]
