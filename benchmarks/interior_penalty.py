@@ -19,6 +19,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 import helpers_penalty
+import numpy as np
 from helpers_mesh import grid, hanging, voronoi
 from helpers_penalty import bricks, named, triangles
 from mpi4py import MPI
@@ -50,6 +51,7 @@ BOXES: dict[str, tuple[str, tuple[int, int], int]] = {
     "hanging nodes, 40 x 10": ("quadrilaterals", (40, 10), 2),
 }
 REPEATS = 5
+ROUNDING = 1e-10  # eigenvalues of this part of the largest one count as 0
 
 
 def amplitude(mesh: str, n: int, kind: str, order: int = 2) -> float:
@@ -77,6 +79,23 @@ def box(mesh: str, kind: str, alpha_r: float, gamma: float, method: str = "vem")
         "cells": result.n_cells,
         "dofs": result.n_dofs,
     }
+
+
+def smallest_eta(mesh: str, n: int, order: int) -> float:
+    """Smallest factor with which the regulariser alone, with its consistency term, has no negative eigenvalue.
+
+    The stiffness is K + eta P: the factor is the largest eigenvalue of -K relative to P, where P is not 0. It is found
+    by halving an interval, as P is singular.
+    """
+    without, one = (helpers_penalty.second_gradient_stiffness(MESHES[mesh](n), order, eta) for eta in (1.0, 2.0))
+    penalty = one - without
+    start = without - penalty
+    low, high = 0.0, 64.0
+    while high - low > 0.01:
+        middle = 0.5 * (low + high)
+        values = np.linalg.eigvalsh(start + middle * penalty)
+        low, high = (low, middle) if values[0] > -ROUNDING * values[-1] else (middle, high)
+    return high
 
 
 def iteration_seconds(cells: tuple[int, int], kind: str) -> dict[str, float]:

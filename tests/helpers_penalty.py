@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from helpers_mesh import with_boundary
-from helpers_system import CLAMPED, Float, interpolate, make_system
+from helpers_system import CLAMPED, Float, dense, interpolate, make_system
 
 from codegen.integrand import Integrand, second_gradient_energy
 from tmc_vem.energy.registry import DENSITIES
@@ -108,3 +108,12 @@ def amplitude(mesh: PolygonMesh, kind: str, order: int = 2, eta: float | None = 
     solver.solve(residual, u)
     reference = interpolate(system, exact)
     return -u.dot(reference) / reference.dot(reference)
+
+
+def second_gradient_stiffness(mesh: PolygonMesh, order: int, eta: float) -> Float:
+    """Dense tangent of 1/2 |grad grad u|^2 with the full interior penalty at u = 0."""
+    values = {"a": 0.0, "gamma": 1.0, "alpha_r": 1.0}
+    system = make_system(mesh, penalised(LINEAR, values, "full", eta), (), ElementSettings(order))
+    matrix = system.create_matrix()
+    system.jacobian(system.create_vector(), matrix)
+    return dense(matrix)

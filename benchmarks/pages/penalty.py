@@ -38,4 +38,17 @@ def box(measure: Measure) -> str:
     return table(head, rows)
 
 
-BLOCKS = (Block("penalty-linear", "minutes", linear), Block("penalty-box", "minutes", box))
+def eta(measure: Measure) -> str:
+    """Smallest coercive factor."""
+    rows = []
+    for mesh in studies.MESHES:
+        found = [measure(studies.smallest_eta, mesh, 4, order) for order in (2, 3)]
+        rows.append([mesh, *(f"{value:.1f}" for value in found)])
+    return table(("4 x 4 cells", "k = 2", "k = 3"), rows)
+
+
+BLOCKS = (
+    Block("penalty-eta", "minutes", eta),
+    Block("penalty-linear", "minutes", linear),
+    Block("penalty-box", "minutes", box),
+)

@@ -89,6 +89,24 @@ def test_polynomials_have_no_forces_inside(mesh: str, order: int) -> None:
         assert np.abs(forces[inside]).max() < 1e-9 * max(scale, B)
 
 
+@pytest.mark.parametrize("order", [2, 3])
+def test_polynomials_have_no_energy_in_sides(order: int) -> None:
+    """Neither jumps nor, at the edges of media, differences from the derivative along the side, either way round."""
+    mesh = voronoi(16)
+    cells = [list(cell) for cell in mesh.cells()]
+    right = [int(mesh.points_vx[cell][:, 0].mean() > 0.5) for cell in cells]
+    media = PolygonMesh.from_cells(mesh.points_vx, cells, right, ("left", "right"))
+    system = make_system(media, penalised(LINEAR, SECOND_ONLY, "penalty"), (), ElementSettings(order))
+    assert system.penalty is not None
+    edges = system.distributed.edges
+    assert not edges.forward[edges.n_cells_e[edges.cell_edges] == 2].all()
+    powers = [(p, q) for p in range(order + 1) for q in range(order + 1 - p)]
+    for p, q in powers:
+        u = interpolate(system, lambda x, p=p, q=q: np.column_stack([x[:, 0] ** p * x[:, 1] ** q, x[:, 1] ** p]))
+        energies = [terms.energies(system.nodal_values(u))[0] for terms in system.penalty.terms]
+        assert np.concatenate(energies).max() < 1e-18
+
+
 @pytest.mark.parametrize("kind", ["penalty", "full"])
 @pytest.mark.parametrize(
     ("energy", "order", "mesh"),

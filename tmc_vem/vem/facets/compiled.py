@@ -18,13 +18,13 @@ from codegen.library import ARRAY, INT, INT64, POINTS, Signatures, address
 from tmc_vem.system.interior_penalty import require_weights
 from tmc_vem.vem.facets.batch import SideBatch
 from tmc_vem.vem.facets.energy import ETA, facet_integrand
+from tmc_vem.vem.kernel.cells import require_memory
 from tmc_vem.vem.kernel.driver import LANE_PRODUCTS, STEP_LIMIT
 
 Float = NDArray[np.float64]
 Int32 = NDArray[np.int32]
 
 HERE = Path(__file__).parent
-OUT_OF_MEMORY = -2
 
 SIDE_DRIVER = Driver(header=HERE / "sides_abi.h", files=(LANE_PRODUCTS, STEP_LIMIT, HERE / "sides.c"))
 
@@ -56,9 +56,8 @@ class SideKernel(Kernel):
         """
         step_s = np.empty(batch.n_sides)
         u_ni, du_ni = np.ascontiguousarray(u_ni), np.ascontiguousarray(du_ni)
-        self._require_memory(
-            self._lib.tmc_side_limits(ctypes.byref(batch.struct), address(u_ni), address(du_ni), address(step_s))
-        )
+        status = self._lib.tmc_side_limits(ctypes.byref(batch.struct), address(u_ni), address(du_ni), address(step_s))
+        require_memory(self.name, status)
         return step_s
 
     def tangents(self, batch: SideBatch, u_ni: Float, parameters: Float) -> Float:
@@ -92,12 +91,8 @@ class SideKernel(Kernel):
             level, ctypes.byref(batch.struct), address(u_ni), address(parameters),
             address(energy_s), address(min_j_s), *given,
         )  # fmt: skip
-        self._require_memory(status)
+        require_memory(self.name, status)
         return energy_s, min_j_s
-
-    def _require_memory(self, status: int) -> None:
-        if status == OUT_OF_MEMORY:
-            raise MemoryError(f"kernel '{self.name}' could not allocate its work space")
 
 
 @dataclass(frozen=True)

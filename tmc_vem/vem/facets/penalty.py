@@ -149,7 +149,7 @@ class InteriorPenalty:
 
     def _two_faces(self, sides: Int, faces: tuple[Faces, Faces]) -> Iterator[SideTerms]:
         normal, length = self._geometry(sides)
-        # the harmonic mean of area over length: hanging nodes and short sides need nothing special
+        # the harmonic mean of area over length: hanging nodes need nothing special
         h = 2.0 / (length / faces[0].area_f + length / faces[1].area_f)
         yield from self._made(sides, faces, jump_of_faces(faces), normal, length, h)
 

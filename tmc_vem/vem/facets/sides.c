@@ -13,13 +13,6 @@ typedef struct {
   vec *K_kab;
 } side_workspace;
 
-/* Room for ``n`` vectors from ``first`` on, aligned for them; NULL if there is none. C99 has no aligned_alloc. */
-static void *allocate_vectors(size_t n, vec **first) {
-  void *allocated = malloc((n + 1) * sizeof(vec));
-  *first = (vec *)(((uintptr_t)allocated + sizeof(vec) - 1) / sizeof(vec) * sizeof(vec));
-  return allocated;
-}
-
 static int allocate_sides(side_workspace *work, const tmc_sides *sides, int level) {
   const size_t n = sides->n_basis, rows = (size_t)sides->n_points * (sides->n_own + N_JUMP);
   const size_t tangent = level >= TMC_TANGENT ? 3 * rows * n + 3 * n * n : 0;
@@ -30,11 +23,6 @@ static int allocate_sides(side_workspace *work, const tmc_sides *sides, int leve
   work->D_kqra = work->B_qra + rows * n;
   work->K_kab = work->D_kqra + 3 * rows * n;
   return 1;
-}
-
-static inline int upper_index(int a, int b) {
-  const int row = a < b ? a : b, column = a < b ? b : a;
-  return row * N_X - row * (row - 1) / 2 + column - row;
 }
 
 static void gather_sides(const tmc_sides *sides, int64_t s0, const double *u_ni, vec *u_ai) {
@@ -74,7 +62,7 @@ static void side_material(int n_own, int n, vec w, const vec *c_e, const vec *h,
       if (s >= n_own) ws *= c_e[s - n_own];
       for (int r = 0; r < N_ROWS; ++r) {
         const int to_r = r < n_own ? r : n_own + (r - n_own) % N_JUMP;
-        vec entry = ws * h[upper_index(2 * r + components[k][0], 2 * s + components[k][1])];
+        vec entry = ws * h[hessian_index(2 * r + components[k][0], 2 * s + components[k][1])];
         if (r >= n_own) entry *= c_e[r - n_own];
         D_sr[to_s * n_rows + to_r] += entry;
       }
@@ -101,16 +89,6 @@ static void store_side(const tmc_sides *sides, int64_t s, int lane, const vec *K
         entry[0] += K11, entry[1] += K12, entry[below] += K21, entry[below + 1] += K22;
       }
     }
-  }
-}
-
-/* Smallest J so far, of F - I in the order of Appendix C; what is not a number stays. */
-static void lower_to_jacobian(vec *min_j, const vec *x) {
-  const_lanes H = (const_lanes)x;
-  double *lowest = (double *)min_j;
-  for (int v = 0; v < LANES; ++v) {
-    const double J = jacobian(H[0][v], H[1][v], H[2][v], H[3][v]);
-    lowest[v] = lowest[v] < J || lowest[v] != lowest[v] ? lowest[v] : J;
   }
 }
 
@@ -145,7 +123,7 @@ int64_t tmc_side_terms(int level, const tmc_sides *sides, const double *u_ni, co
           y[2 * r] = y0, y[2 * r + 1] = y1;
         }
         memcpy(x, y, 2 * (size_t)n_own * sizeof(vec));
-        lower_to_jacobian(&min_j, x);
+        lower(&min_j, x);
         for (int e = 0; e < n_extra; ++e)
           for (int i = 0; i < 2; ++i) x[2 * (n_own + e) + i] = c_e[e] * y[2 * (n_own + e % N_JUMP) + i];
 

@@ -76,8 +76,7 @@ class CellKernel(Kernel):
             level, ctypes.byref(batch.struct), address(u_ni), address(parameters), address(energy_c),
             address(min_j_c), address(residual_ni), None if struct is None else ctypes.byref(struct),
         )  # fmt: skip
-        if status == OUT_OF_MEMORY:
-            raise MemoryError(f"kernel '{self.name}' could not allocate its work space")
+        require_memory(self.name, status)
         return CellValues(energy_c, min_j_c, None if status < 0 else int(status))
 
     def max_step(self, batch: CellBatch, u_ni: Array, du_ni: Array) -> Array:
@@ -90,8 +89,7 @@ class CellKernel(Kernel):
         u_ni, du_ni = _nodal("u_ni", u_ni, batch), _nodal("du_ni", du_ni, batch)
         step_c = np.empty(batch.n_cells)
         status = self._lib.tmc_max_step(ctypes.byref(batch.struct), address(u_ni), address(du_ni), address(step_c))
-        if status == OUT_OF_MEMORY:
-            raise MemoryError(f"kernel '{self.name}' could not allocate its work space")
+        require_memory(self.name, status)
         return step_c
 
     def positions(
@@ -116,8 +114,7 @@ class CellKernel(Kernel):
             n_cells, n, address(nodes_ca), address(row_start_n), address(row_length_n), address(column_n),
             address(columns), address(position_cab),
         )  # fmt: skip
-        if status == OUT_OF_MEMORY:
-            raise MemoryError(f"kernel '{self.name}' could not allocate its work space")
+        require_memory(self.name, status)
         if status >= 0:
             raise ValueError(f"the matrix has no room for the tangent of cell {status} of the batch")
         return position_cab
@@ -125,6 +122,16 @@ class CellKernel(Kernel):
     def _check_batch(self, batch: CellBatch) -> None:
         if self.uses_second_gradient and batch.second_sp is None:
             raise ValueError(f"energy '{self.name}' needs second derivatives, which the batch does not have")
+
+
+def require_memory(kernel: str, status: int) -> None:
+    """Check what a driver returned.
+
+    Raises:
+        MemoryError: the work space could not be allocated.
+    """
+    if status == OUT_OF_MEMORY:
+        raise MemoryError(f"kernel '{kernel}' could not allocate its work space")
 
 
 def _nodal(name: str, u_ni: Array, batch: CellBatch) -> Array:

@@ -1,7 +1,7 @@
 /* ---- Cell driver ------------------------------------------------------------------------------------------------
  * A lane is a cell: LANES cells with equally many basis functions are worked on at once, so that nothing is padded and
  * nothing is summed across a vector. Both displacement components share one scalar basis. This file has the vectors of
- * lanes and the products of small matrices that everything else is made of.
+ * lanes and the products of small matrices that everything else is made of, also where a lane is a side between cells.
  */
 
 _Static_assert(DIMENSION == 2 && N_COMPONENTS == 2, "the cell driver is for fields of two components in the plane");
@@ -94,3 +94,15 @@ static void product(int upper, int add, int n_a, int n_b, int n_m, const vec *le
     }
   }
 }
+
+/* Room for ``n`` vectors from ``first`` on, aligned for them; NULL if there is none. C99 has no aligned_alloc. */
+static void *allocate_vectors(size_t n, vec **first) {
+  void *allocated = malloc((n + 1) * sizeof(vec));
+  *first = (vec *)(((uintptr_t)allocated + sizeof(vec) - 1) / sizeof(vec) * sizeof(vec));
+  return allocated;
+}
+
+/* Position of (row, column), row <= column, in the packed upper triangle of the Hessian. */
+static inline int packed(int row, int column) { return row * N_X - row * (row - 1) / 2 + column - row; }
+
+static inline int hessian_index(int a, int b) { return a <= b ? packed(a, b) : packed(b, a); }

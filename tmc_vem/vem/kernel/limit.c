@@ -1,4 +1,13 @@
-/* ---- The largest admissible step ---- */
+/* ---- J at points: the smallest, and the largest step with J > 0 ---- */
+
+/* Smallest J so far; a NaN is taken over and stays. */
+static void lower(vec *min_j, const vec *x) {
+  const_lanes H = (const_lanes)x;
+  for (int v = 0; v < LANES; ++v) {
+    const double before = ((double *)min_j)[v], here = jacobian(H[0][v], H[1][v], H[2][v], H[3][v]);
+    ((double *)min_j)[v] = !(here >= before) && before == before ? here : before;
+  }
+}
 
 /* Smallest positive root of c0 + c1 s + c2 s^2, or infinity, for c0 > 0, else 0; stable for c2 -> 0 and without
  * branches. */

@@ -52,9 +52,9 @@ static int allocate(workspace *work, const tmc_batch *batch, int tangent) {
   };
   size_t total = 0;
   for (size_t p = 0; p < sizeof parts / sizeof *parts; ++p) total += parts[p].wanted ? parts[p].size : 0;
-  work->allocated = malloc((total + 1) * sizeof(vec));
+  vec *next;
+  work->allocated = allocate_vectors(total, &next);
   if (!work->allocated) return 0;
-  vec *next = (vec *)(((uintptr_t)work->allocated + sizeof(vec) - 1) / sizeof(vec) * sizeof(vec));
   for (size_t p = 0; p < sizeof parts / sizeof *parts; ++p)
     if (parts[p].wanted) {
       *parts[p].part = next;
@@ -189,15 +189,6 @@ static void add_to_nodes(const tmc_batch *batch, int64_t first_cell, const vec *
 typedef struct {
   vec x[N_X], psi, g[N_X];
 } state;
-
-/* Smallest J so far; a NaN is taken over and stays. */
-static void lower(vec *min_j, const vec *x) {
-  const_lanes H = (const_lanes)x;
-  for (int v = 0; v < LANES; ++v) {
-    const double before = ((double *)min_j)[v], here = jacobian(H[0][v], H[1][v], H[2][v], H[3][v]);
-    ((double *)min_j)[v] = !(here >= before) && before == before ? here : before;
-  }
-}
 
 /* Energies and smallest J of the cells; the first cell with J <= 0 becomes ``inadmissible`` if there was none. */
 static void store_energies(const tmc_batch *batch, int64_t first_cell, const vec *energy, const vec *min_j,

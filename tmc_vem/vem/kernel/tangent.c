@@ -3,11 +3,6 @@
  * from its component blocks xx, xy and yy, the symmetric ones by half.
  */
 
-/* Position of (row, column), row <= column, in the packed upper triangle of the Hessian. */
-static inline int packed(int row, int column) { return row * N_X - row * (row - 1) / 2 + column - row; }
-
-static inline int hessian_index(int a, int b) { return a <= b ? packed(a, b) : packed(b, a); }
-
 /* Derivative rows of the basis of LANES cells; nothing is done if the shapes are those of the call before. */
 static void tabulate(workspace *work, const tmc_batch *batch, int64_t first_cell) {
   if (!take_shapes(work, batch, first_cell)) return;
