@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers_process import process
 from mpi4py import MPI
 
 from tmc_vem.energy import get_regulariser, hyperelastic_solid, third_medium
@@ -66,6 +67,32 @@ def test_tags_of_one_name_are_one_region() -> None:
     polygons = polygon_mesh(domain, tagged(domain)[0], regions={3: "all", 7: "all"})
     assert polygons.region_names == ("all",)
     assert polygon_mesh(domain).region_names == ("domain",)
+
+
+UNTAGGED = """
+from mpi4py import MPI
+import numpy as np
+from dolfinx import mesh
+from tmc_vem.fem import polygon_mesh
+from tmc_vem.support.errors import InputError
+
+comm = MPI.COMM_WORLD
+domain = mesh.create_unit_square(comm, 4, 4)
+n = domain.topology.index_map(2).size_local
+tagged = np.arange(n if comm.rank == 0 else n - 1, dtype=np.int32)
+try:
+    polygon_mesh(domain, mesh.meshtags(domain, 2, tagged, np.zeros(len(tagged), dtype=np.int32)))
+except InputError as error:
+    print(comm.rank, error, flush=True)
+"""
+
+
+def test_what_one_rank_refuses_is_refused_on_all() -> None:
+    done = process(["-c", UNTAGGED], ranks=2)
+    assert done.returncode == 0, done.stderr
+    said = sorted(done.stdout.splitlines())
+    assert [line[0] for line in said] == ["0", "1"]
+    assert all("has no tag: cell_tags need a value for every cell" in line for line in said)
 
 
 def test_what_has_no_polygon_mesh_is_refused() -> None:

@@ -13,6 +13,7 @@ from tmc_vem.mesh.geometry import areas
 from tmc_vem.mesh.make.dual import dual_mesh
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.parallel import on_every_rank
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -44,11 +45,17 @@ def polygon_mesh(
             is where a point is; or the mesh is none that virtual elements can use.
     """
     compat.require()
-    nodes_cv, cell = compat.plane_cells(mesh)
-    n_owned = mesh.topology.index_map(2).size_local
+
+    def here() -> tuple[Int, str, int, Int]:
+        nodes, kind = compat.plane_cells(mesh)
+        n_own = mesh.topology.index_map(2).size_local
+        tags = np.zeros(n_own, dtype=np.int64) if cell_tags is None else _values_by_entity(cell_tags, n_own)
+        return nodes, kind, n_own, tags
+
+    # a rank's cells may be wrong where those of the others are not: all raise, so that none waits for ever
+    nodes_cv, cell, n_owned, tags_c = on_every_rank(mesh.comm, here)
     numbers_v = np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
     used = np.unique(nodes_cv[:n_owned])
-    tags_c = _values_by_entity(cell_tags, n_owned) if cell_tags is not None else np.zeros(n_owned, dtype=np.int64)
     sides, tags_s = _tagged_sides(mesh, facet_tags, nodes_cv, cell)
 
     def whole(part: NDArray[Any]) -> NDArray[Any]:
