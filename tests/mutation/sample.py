@@ -1,8 +1,9 @@
-"""All faults that may be put in, and a sample of them that depends on the sources and a seed only."""
+"""All faults that may be put in, and a sample that depends on a seed, and on the sources as little as it can."""
 
 from __future__ import annotations
 
-import random
+import hashlib
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import CodeType
@@ -27,26 +28,43 @@ def sites(file: str, text: str) -> Iterator[Site]:
 def draw(root: Path, files: Iterable[str], seed: int, number: int) -> list[Mutant]:
     """A sample of faults, no two at the same place: modules with more sites have more of them.
 
+    Every site has a number of its own, made from the seed, its file and its line, and the smallest are the sample. So
+    all sites have the same probability, and where sources change, only what is at changed lines leaves the sample.
+
     Args:
         root: the tree.
         files: sources to draw from.
-        seed: of the random numbers.
+        seed: of the sample.
         number: how many; fewer if there are not so many sites.
     """
     texts = {file: (root / file).read_text() for file in files}
-    everything = [site for file, text in texts.items() for site in sites(file, text)]
-    numbers = random.Random(seed)
-    numbers.shuffle(everything)
+    ranked = sorted(
+        ((rank, site) for file, text in texts.items() for rank, site in _ranked(sites(file, text), text, seed)),
+        key=lambda pair: (pair[0], pair[1].file, pair[1].start),
+    )
     chosen: list[Mutant] = []
     places: set[tuple[str, int]] = set()
-    for site in everything:
+    for rank, site in ranked:
         if len(chosen) == number:
             break
-        mutant = site.mutant(texts[site.file], numbers.choice(site.options))
+        mutant = site.mutant(texts[site.file], site.options[rank % len(site.options)])
         if (site.file, site.start) not in places and changes(mutant, texts[site.file]):
             places.add((site.file, site.start))
             chosen.append(mutant)
     return sorted(chosen, key=lambda mutant: (mutant.file, mutant.start))
+
+
+def _ranked(sites_: Iterator[Site], text: str, seed: int) -> Iterator[tuple[int, Site]]:
+    """Sites, each with its number: the same lines in a file are told apart by their order."""
+    alike: Counter[tuple[str, ...]] = Counter()
+    for site in sites_:
+        first = text.rfind("\n", 0, site.start) + 1
+        last = text.find("\n", site.end)
+        before, after = text[first : site.start].lstrip(), text[site.end : last if last >= 0 else len(text)]
+        name = (site.file, site.operator, before, text[site.start : site.end], after)
+        alike[name] += 1
+        words = "\0".join((str(seed), *name, str(alike[name])))
+        yield int.from_bytes(hashlib.sha256(words.encode()).digest()[:8], "big"), site
 
 
 def find(root: Path, keys: Iterable[tuple[str, str, str]]) -> dict[tuple[str, str, str], list[Mutant]]:

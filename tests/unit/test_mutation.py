@@ -155,6 +155,19 @@ def test_a_sample_depends_on_the_seed_only() -> None:
     assert any(mutant.file.endswith(".c") for mutant in (*one, *other))
 
 
+def test_a_sample_hardly_changes_with_the_sources(tmp_path: Path) -> None:
+    """New lines, and lines that move, leave the rest of a sample where it is."""
+    file = "tmc_vem/solve/path.py"
+    (tmp_path / file).parent.mkdir(parents=True)
+    text = (ROOT / file).read_text()
+    (tmp_path / file).write_text(text)
+    before = {mutant.key for mutant in draw(tmp_path, [file], 1, 30)}
+    start = text.index("\ndef ")
+    (tmp_path / file).write_text(text[:start] + "\nNEW = 3.0 + 4.0\n" + text[start:] + "\nLAST = NEW > 2\n")
+    after = {mutant.key for mutant in draw(tmp_path, [file], 1, 30)}
+    assert len(before & after) >= 28
+
+
 def test_every_entry_of_the_explained_has_its_line() -> None:
     entries = explained.read(ROOT / explained.EXPLAINED)
     assert explained.obsolete(ROOT, entries) == []
