@@ -57,7 +57,7 @@ bench-page: .venv/.ready ## put the figures of 'make bench' into docs/performanc
 numbers: .venv/.ready ## all numbers of results in README and docs anew from runs; what was measured is kept in runs
 	scripts/refresh-numbers
 
-golden: .venv/.ready ## write the golden C files anew
+golden: .venv/.ready ## write the golden C files, and what pictures consist of, anew
 	$(PYTHON) tests/golden/update.py
 
 mutants: .venv/.ready ## N small faults in the sources, each against the tests near it; an hour, docs/mutation.md

@@ -1,7 +1,10 @@
-"""The generated C that is kept under version control; run this file to write it anew after a wanted change."""
+"""Generated C and records of pictures that are kept under version control; run this file to write them anew after a wanted
+change."""
 
 from __future__ import annotations
 
+import json
+import sys
 from pathlib import Path
 
 from codegen.compiler import generate
@@ -35,5 +38,27 @@ def main() -> None:
             print(f"removed {path}")
 
 
+def write_pictures() -> None:
+    """Write the record of every picture."""
+    sys.path.insert(0, str(DIRECTORY.parent))
+    from drawn import pictures
+
+    lines = (f"{json.dumps(name)}: [\n{_lines(record)}\n]" for name, record in pictures().items())
+    text, path = "{\n" + ",\n".join(lines) + "\n}\n", DIRECTORY / "pictures.json"
+    if not path.exists() or path.read_text() != text:
+        path.write_text(text)
+        print(f"wrote {path}: look at the pictures that have changed")
+
+
+def _lines(record: list[list[object]]) -> str:
+    rounded = ([_rounded(value) for value in entry] for entry in record)
+    return ",\n".join(json.dumps(entry, ensure_ascii=False) for entry in rounded)
+
+
+def _rounded(value: object) -> object:
+    return float(f"{value:.9g}") if isinstance(value, float) else value
+
+
 if __name__ == "__main__":
     main()
+    write_pictures()
