@@ -6,6 +6,7 @@ import dataclasses
 import importlib.util
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 from helpers_process import process
@@ -13,6 +14,7 @@ from helpers_process import process
 from tmc_vem import run
 from tmc_vem.cli.main import main
 from tmc_vem.mesh.check import find_faults
+from tmc_vem.mesh.files import inp_keywords
 from tmc_vem.mesh.files.io import read_mesh, write_mesh
 from tmc_vem.mesh.files.record import Group
 from tmc_vem.mesh.files.regions import regions_of
@@ -231,6 +233,37 @@ def test_region_data_of_files_with_numbers() -> None:
     assert mesh.region_names == ("block", "gap")
     with pytest.raises(InputError, match=r"no cell data 'soil' \(there are: .*material"):
         read_mesh(CORPUS / "polygons" / "structure.mat", region_data="soil")
+
+
+def test_region_data_of_a_file_without_cell_data(tmp_path: Path) -> None:
+    mesh = read_mesh(obj(tmp_path / "one.obj", [(0, 0), (1, 0), (1, 1), (0, 1)], "1 2 3 4"))
+    for data, known in (({"soil": np.array([3])}, "soil"), ({}, "none")):
+        meshio.Mesh(np.column_stack([mesh.points_vx, np.zeros(4)]), [("quad", mesh.cell_vertices.reshape(1, 4))],
+                    cell_data={name: [values] for name, values in data.items()}).write(tmp_path / "one.vtk")  # fmt: skip
+        with pytest.raises(InputError, match=rf"there is no cell data 'rock' \(there are: {known}\)"):
+            read_mesh(tmp_path / "one.vtk", region_data="rock")
+
+
+def test_files_may_include_files_to_some_depth(tmp_path: Path) -> None:
+    """Lines are counted in the file where they are, whose name is said if it is included."""
+    deepest = inp_keywords.DEEPEST
+    names = [tmp_path / f"{n}.inp" for n in range(deepest + 2)]
+    for n, path in enumerate(names[:-1]):
+        path.write_text(f"** {n}\n*NSET, NSET=SET{n}\n{n}\n*INCLUDE, INPUT={names[n + 1].name}\n")
+    names[deepest].write_text("*NODE\n1, 0, 0\n")
+    found = list(inp_keywords.keywords_of(names[0]))
+    assert [keyword.name for keyword in found] == ["NSET"] * deepest + ["NODE"]
+    names[deepest].write_text(f"*NODE\n1, 0, 0\n*INCLUDE, INPUT={names[-1].name}\n")
+    names[-1].write_text("*NSET, NSET=LAST\n7\n")
+    with pytest.raises(InputError, match=rf"^{names[-1].name} is included in itself$"):
+        list(inp_keywords.keywords_of(names[0]))
+    names[0].write_text("*NODE\n1, 0, 0\n*INCLUDE, INPUT=none.inp\n")
+    with pytest.raises(InputError, match=r"^line 3: \*INCLUDE names the file 'none.inp', which is not there"):
+        list(inp_keywords.keywords_of(names[0]))
+    names[1].write_text("*INCLUDE\n")
+    names[0].write_text(f"*INCLUDE,\nINPUT={names[1].name}\n")
+    with pytest.raises(InputError, match=r"^1.inp, line 1: \*INCLUDE names the file '', which is not there"):
+        list(inp_keywords.keywords_of(names[0]))
 
 
 def test_info_prints_names_as_they_are(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -58,8 +58,8 @@ def parse_version(text: str) -> tuple[int, int]:
         InputError: it is not between :data:`OLDEST` and :data:`NEWEST`.
     """
     found = re.match(r"(\d+)\.(\d+)", text)
-    version = (int(found[1]), int(found[2])) if found else (-1, -1)
-    if not OLDEST <= version <= NEWEST:
+    version = (int(found[1]), int(found[2])) if found else None
+    if version is None or not OLDEST <= version <= NEWEST:
         low, high = (".".join(map(str, v)) for v in (OLDEST, NEWEST))
         raise InputError(f"dolfinx {text} is not supported: use {low} to {high} ({low}.2, 0.9 and 0.11 are tested)")
     return version
