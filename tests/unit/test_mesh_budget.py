@@ -46,6 +46,13 @@ def test_estimates_are_near_what_is_made(regions: list[Region], size: Any) -> No
     )
 
 
+@pytest.mark.parametrize("h", [0.05, 0.01])
+def test_an_estimate_is_the_area_of_the_domain_alone(h: float) -> None:
+    """In boxes as they begin, and in quarters of them; what lies around the domain does not count."""
+    size = lambda points: np.full(len(points), h)  # noqa: E731
+    assert estimate(HALF_DISC, size, 1.0, MOST_CELLS).n_cells == pytest.approx(0.5 * np.pi / h**2, rel=2e-3)
+
+
 def test_estimate_near_a_line_is_the_integral() -> None:
     """2 int_0 dr / (s + g r)^2 up to the largest size, and the rest of the square."""
     for s in (1e-2, 1e-3, 1e-4):
