@@ -1,10 +1,10 @@
-"""The order in which processes that share the tests take the files: the long ones first, so that none is left at the end."""
+"""The order of the test files, and what tests of several files use."""
 
 from __future__ import annotations
 
 import pytest
 
-# A minute or more on one core, the longest first; pytest-xdist would go by the number of tests in a file.
+# Files that take long, the longest first, so that none is left at the end; pytest-xdist goes by numbers of tests.
 LONG = (
     "tests/test_docs.py",
     "tests/mpi/test_mpi_runs.py",
@@ -33,3 +33,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if hasattr(config, "workerinput"):
         place = {name: n for n, name in enumerate(LONG)}
         items.sort(key=lambda item: place.get(item.nodeid.partition("::")[0], len(LONG)))
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures of reports are made but not drawn, for tests of the words: drawing takes nearly all the time."""
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: None)

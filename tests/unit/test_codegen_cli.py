@@ -117,7 +117,8 @@ def test_the_medium_alone_and_a_file_path(request):
 
 def test_values_that_were_not_given_are_pointed_out():
     assert "gamma = 1 (no value given)" in " ".join(run("tmc_vem.energy:medium_huhu", "--check").stdout.split())
-    assert "bending: kappa = 0.1\n" in run("mine.py:bending", "--check", command=POINTS).stdout.replace(" \n", "\n").replace("  ", "")
+    given = run("mine.py:bending", "--check", command=POINTS).stdout
+    assert "bending: kappa = 0.1\n" in given.replace(" \n", "\n").replace("  ", "")
 
 
 def test_an_energy_that_is_not_objective_fails_in_words():
