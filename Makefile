@@ -22,7 +22,7 @@ demo: .venv/.ready ## solve the box; show gap, picture and where the report is
 	$(PYTHON) demos/demo_box.py
 
 test: .venv/.ready ## unit tests, MPI on 1 to 4 ranks, demos --quick
-	$(PYTHON) -m pytest -m "not slow and not paper" -n $(WORKERS) --dist loadfile
+	$(PYTHON) -m pytest -m "not slow and not paper" -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 test-slow: .venv/.ready ## longer checks
 	$(PYTHON) -m pytest -m slow

@@ -6,13 +6,16 @@ and its sides, which is exact for polynomials whatever the polygon's shape.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Float = NDArray[np.float64]
-Function = Callable[[float, float], float]
+Function = Callable[[Any, Any], Any]
 
 # Positions of the degrees of freedom inside a side: roots of the derivative of the Legendre polynomial of degree k.
 INSIDE = {
@@ -33,21 +36,28 @@ def powers(degree: int) -> list[tuple[int, int]]:
 
 
 def integrate_polygon(polygon: Float, f: Function, degree: int) -> float:
-    """Integral of a polynomial of at most ``degree``."""
-    n = degree // 2 + 2
+    """Integral of a polynomial of at most ``degree``, which takes arrays as well as numbers."""
+    x, y, weights = _rule(tuple(map(tuple, polygon.tolist())), degree // 2 + 2)
+    return float((weights * f(x, y)).sum())
+
+
+@cache
+def _rule(polygon: tuple[tuple[float, float], ...], n: int) -> tuple[Float, Float, Float]:
+    """Points x, y and weights, n by n in each triangle of the first vertex and a side."""
     t, w = np.polynomial.legendre.leggauss(n)
     t, w = (t + 1.0) / 2.0, w / 2.0
-    total = 0.0
-    origin = polygon[0]
-    for i in range(1, len(polygon) - 1):
-        e1, e2 = polygon[i] - origin, polygon[i + 1] - origin
+    points, weights = [], []
+    origin, *others = np.array(polygon)
+    for first, second in itertools.pairwise(others):
+        e1, e2 = first - origin, second - origin
         twice_area = e1[0] * e2[1] - e1[1] * e2[0]
         for a in range(n):
             for b in range(n):  # collapsed square: r along the ray, s across
                 r, s = t[a], t[b]
-                x = origin + r * ((1.0 - s) * e1 + s * e2)
-                total += twice_area * w[a] * w[b] * r * f(x[0], x[1])
-    return total
+                points.append(origin + r * ((1.0 - s) * e1 + s * e2))
+                weights.append(twice_area * w[a] * w[b] * r)
+    x, y = np.array(points).T
+    return x, y, np.array(weights)
 
 
 def integrate_side(a: Float, b: Float, f: Callable[[float, Float], float], degree: int) -> float:

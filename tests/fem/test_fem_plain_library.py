@@ -16,7 +16,7 @@ from tmc_vem.support.errors import InputError
 
 
 def assembled() -> tuple[np.ndarray, np.ndarray]:
-    system = make_system(grid(2, 2), medium(), interior_penalty="full")
+    system = make_system(grid(2, 2), medium(), interior_penalty="penalty")
     u, residual = system.create_vector(), system.create_vector()
     u.getArray()[:] = 0.02 * np.sin(np.arange(u.getLocalSize()))
     system.residual(u, residual)

@@ -14,7 +14,7 @@ import pytest
 from helpers_process import MPIRUN, clean_environment
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "slurm-job.sh"
-BOX = ["box", "--cells", "20", "5", "--uy", "-0.3", "--steps", "150", "--snapshots", "0"]
+BOX = ["box", "--cells", "20", "5", "--uy", "-0.3", "--steps", "80", "--snapshots", "0"]
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_a_job_whose_time_is_up_is_queued_again_and_resumes(tmp_path: Path, clus
     assert subprocess.run(job, env=cluster | {"SLURM_NTASKS": "3"}, check=False, timeout=120).returncode == 0
     result = json.loads((out / "result.json").read_text())
     assert result["complete"]
-    assert result["steps"] == 150
+    assert result["steps"] == 80
     again = subprocess.run(job, env=cluster, capture_output=True, text=True, check=True)
     assert again.stdout == f"{out} is complete\n"
 

@@ -178,7 +178,7 @@ def test_faulty_regularisers_are_refused_in_words(
 
 def test_two_ranks_print_once_and_write_pieces(tmp_path: Path) -> None:
     out = tmp_path / "box"
-    done = tmc("run", "box", *SHORT, "--snapshots", "1", "--json", "--out", str(out), ranks=2)
+    done = tmc("run", "box", *SHORT, "--steps", "1", "--snapshots", "1", "--json", "--out", str(out), ranks=2)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["versions"]["ranks"] == 2
     assert len(list(out.glob("fields/*.vtu"))) == 2
@@ -186,7 +186,7 @@ def test_two_ranks_print_once_and_write_pieces(tmp_path: Path) -> None:
 
 
 def test_summary_on_two_ranks_has_no_codes_for_a_terminal() -> None:
-    done = tmc("run", "box", *SHORT, ranks=2)
+    done = tmc("run", "box", *SHORT, "--steps", "1", ranks=2)
     assert done.returncode == 0, done.stderr
     assert "reaction" in done.stdout
     assert "\x1b" not in done.stdout

@@ -214,6 +214,7 @@ def method(name: str, gap: float, uncertainty: float, energy: float, penalty: st
     return Method(name, {"coarse": run}, {"gap": Extrapolation(gap, None, uncertainty)})
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_report_doubts_what_it_must() -> None:
     def warnings(*methods: Method) -> str:
         return to_markdown(comparison_page(Comparison("t", "c", methods)))
@@ -228,6 +229,7 @@ def test_the_report_doubts_what_it_must() -> None:
     assert "relative to each method's own converged value" in apart
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_probes_of_both_methods_stand_beside_each_other() -> None:
     methods = [method(name, 1.0, 0.01, 1.0, "none", bulge=bulge) for name, bulge in (("VEM", 0.0202), ("FEM", 0.02))]
     page = comparison_page(Comparison("t", "c", methods))

@@ -46,6 +46,19 @@ def test_estimates_are_near_what_is_made(regions: list[Region], size: Any) -> No
     )
 
 
+@pytest.mark.parametrize("h", [0.05, 0.02, 0.01])
+def test_an_estimate_is_the_area_of_the_domain_alone(h: float) -> None:
+    """In boxes as they begin, in quarters of them, and in quarters of those."""
+    size = lambda points: np.full(len(points), h)  # noqa: E731
+    assert estimate(HALF_DISC, size, 1.0, MOST_CELLS).n_cells == pytest.approx(0.5 * np.pi / h**2, rel=2e-3)
+
+
+def test_small_cells_beside_the_domain_do_not_count() -> None:
+    """At a corner of the box around the half disc, 0.41 from it."""
+    size = lambda points: 1e-3 + np.hypot(points[:, 0] - 1.0, points[:, 1] - 1.0)  # noqa: E731
+    assert estimate(HALF_DISC, size, 1.0, MOST_CELLS).smallest == pytest.approx(np.sqrt(2.0) - 1.0, rel=0.1)
+
+
 def test_estimate_near_a_line_is_the_integral() -> None:
     """2 int_0 dr / (s + g r)^2 up to the largest size, and the rest of the square."""
     for s in (1e-2, 1e-3, 1e-4):

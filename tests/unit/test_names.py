@@ -131,7 +131,8 @@ def test_from_the_mesh_to_the_report(tmp_path: Path) -> None:
     (tmp_path / "problem.toml").write_text(TOML)
     (tmp_path / "mesh.obj").write_text(OBJ)
     for command in (
-        ("run", "problem.toml", "--out", "run[/]$"), ("list", "."), ("plot", "run[/]$"), ("animate", "run[/]$"),
+        ("run", "problem.toml", "--steps", "2", "--out", "run[/]$"), ("list", "."), ("plot", "run[/]$"),
+        ("animate", "run[/]$"),
     ):  # fmt: skip
         done = tmc(*command, cwd=tmp_path)
         assert (done.returncode, done.stderr.count("Traceback")) == (0, 0), done.stderr

@@ -256,7 +256,7 @@ def test_blocks_do_not_pass_through_each_other(stopped: RunResult) -> None:
 
 
 def test_what_happens_if_they_may(tmp_path: Path) -> None:
-    problem, options = read_problem(str(blocks(tmp_path, "allow_overlap = true")))
+    problem, options = read_problem(str(blocks(tmp_path, "allow_overlap = true", size=0.2)))
     result = run(problem, tmp_path / "run", options)
     assert result.complete
     assert result.inputs["allow_overlap"] is True

@@ -161,6 +161,7 @@ def test_a_row_that_was_being_written_is_left_out(killed: Path, tmp_path: Path) 
     assert RunResult.read(out).steps == steps - 1
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_directories_from_before_run_json(killed: Path, tmp_path: Path) -> None:
     out = tmp_path / "box"
     shutil.copytree(killed, out)
@@ -233,6 +234,7 @@ def test_a_full_disk_is_said_later(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert result.reason.count("goes on") == 1
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_gamma_that_was_not_brought_back_is_said_everywhere(tmp_path: Path) -> None:
     class Enough(Monitor):
         def stepped(self, record: StepRecord) -> None:

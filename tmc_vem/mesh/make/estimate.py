@@ -65,24 +65,33 @@ def estimate(regions: Sequence[Region], size: Size, density: float, limit: float
         h = float(evaluate_size(size, np.zeros((1, 2)))[0])
         return Estimate(max(density * sum(float(polygon.area) for polygon in polygons) / h / h, along), h)
     domain = shapely.union_all(polygons)
-    shapely.prepare(domain)
+    outline = domain.boundary
+    shapely.prepare([domain, outline])
     low, high = _bounds(regions)
     side = (high - low) / _FIRST
     corners = np.stack(np.meshgrid(np.arange(_FIRST), np.arange(_FIRST)), axis=-1).reshape(-1, 2)
     centers = low + (corners + 0.5) * side
     quarters = np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]) / 4.0
+    inside = np.zeros(len(centers), dtype=bool)  # boxes that the outline is known to be away from, and their quarters
     total, smallest, capped = 0.0, np.inf, False
     while len(centers) and not capped:
         reach = 0.5 * float(np.hypot(*side))
-        centers = centers[shapely.dwithin(domain, shapely.points(centers), reach)]
+        unknown = np.flatnonzero(~inside)
+        points = shapely.points(centers[unknown])
+        within = shapely.dwithin(domain, points, reach)
+        inside[unknown] = within & ~shapely.dwithin(outline, points, reach)
+        kept = inside.copy()
+        kept[unknown] = within
+        centers, inside = centers[kept], inside[kept]
         capped = len(centers) > max(limit, _FIRST**2)
         h_c = evaluate_size(size, centers)
         smallest = min(smallest, float(h_c.min(initial=np.inf)))
         cut = (STEEPEST * reach > 0.5 * h_c) & (not capped)
-        counted = ~cut & shapely.contains_xy(domain, centers)
+        counted = ~cut
+        counted[~inside] &= shapely.contains_xy(domain, centers[~inside])
         with np.errstate(over="ignore"):
             total += float((side.prod() / h_c[counted] / h_c[counted]).sum())
-        centers = (centers[cut][:, None] + quarters * side).reshape(-1, 2)
+        centers, inside = (centers[cut][:, None] + quarters * side).reshape(-1, 2), inside[cut].repeat(4)
         side = side / 2.0
     return Estimate(max(density * total, along), smallest, capped)
 
