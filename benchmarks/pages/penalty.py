@@ -7,6 +7,7 @@ from itertools import pairwise, takewhile
 from typing import Any
 
 import interior_penalty as studies
+import penalty_blocks as studies_of_blocks
 import penalty_contact as contact
 
 from pages.block import Block
@@ -18,6 +19,7 @@ PAIR = (10.0, 1e-4)  # alpha_r, gamma: the regulariser counts
 ALPHAS = (0.1, 1.0, 10.0)
 GAMMAS = (1e-4, 1e-5, 1e-6)
 LADDER = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+PRESSED = (1.0,)  # alpha_r of the ladder
 PATIENCE = 400  # Newton iterations of a run of the ladder; those that reach full load take up to half as many
 N = 2  # squares of 0.05, see contact.BOXES
 SIZES_OF = {"squares": "40 x 10", "triangles": "40 x 10, cut in two", "Voronoi": "as many as 40 x 10",
@@ -111,8 +113,9 @@ def weight(measure: Measure) -> str:
         for kind in ("none", "full"):
             changes = []
             for gamma in GAMMAS:
-                gaps = [measure(contact.box, mesh, N, kind, alpha_r, gamma)["gap"] for alpha_r in ALPHAS]
-                changes += [percent(b / a - 1, 1) for a, b in pairwise(gaps)]
+                runs = [measure(contact.box, mesh, N, kind, alpha_r, gamma) for alpha_r in ALPHAS]
+                changes += [percent(b["gap"] / a["gap"] - 1, 1) if a["complete"] and b["complete"] else "stops before"
+                            for a, b in pairwise(runs)]  # fmt: skip
             rows.append([f"{mesh}, {SIZES_OF[mesh]}", kind, *changes])
     head = ("cells", "interior penalty", *(f"{a:g} to {b:g} at gamma = {gamma:.0e}" for gamma in GAMMAS
                                            for a, b in pairwise(ALPHAS)))  # fmt: skip
@@ -128,7 +131,7 @@ def effort(measure: Measure) -> str:
             counts = [measure(contact.box, mesh, N, kind, alpha_r, 1e-4)["iterations"] for alpha_r in ALPHAS]
             made = measure(contact.factor, mesh, 2 * N, kind)
             ratios = [f"{made[name] / without[name]:.1f}" for name in ("entries", "factor", "operations")]
-            reached = [_smallest(measure, mesh, kind, alpha_r) for alpha_r in ALPHAS]
+            reached = [_smallest(measure, mesh, kind, alpha_r) for alpha_r in PRESSED]
             rows.append([mesh, kind, ", ".join(map(str, counts)), *ratios, ", ".join(reached)])
     head = ("cells", "interior penalty", "Newton iterations", "entries of the matrix", "of its factor",
             "operations of the factorisation", "smallest gamma")  # fmt: skip
@@ -146,6 +149,23 @@ def _smallest(measure: Measure, mesh: str, kind: str, alpha_r: float) -> str:
         below = takewhile(works, LADDER[middle + 1 :])
         return f"{[LADDER[middle], *below][-1]:.0e}"
     return next((f"{gamma:.0e}" for gamma in reversed(LADDER[:middle]) if works(gamma)), "none")
+
+
+def squeezed(measure: Measure) -> str:
+    """Flush blocks in the media that keep them apart."""
+    rows = []
+    for regulariser in ("angle_log", "huhu_log"):
+        for cells in ("voronoi", "triangles", "quadrilaterals"):
+            runs = [measure(studies_of_blocks.blocks, cells, kind, regulariser, gamma) for gamma in (1e-4, 1e-5)
+                    for kind in INTERIOR_PENALTIES]  # fmt: skip
+            rows.append([regulariser, cells, *(_effort(run) for run in runs)])
+    head = ("regulariser", "cells", *(f"{kind}, gamma = {gamma}" for gamma in ("1e-4", "1e-5")
+                                      for kind in INTERIOR_PENALTIES))  # fmt: skip
+    return table(head, rows)
+
+
+def _effort(run: Run) -> str:
+    return f"{run['iterations']} iterations" if run["complete"] else f"stops at {100 * run['load']:.0f} % of the load"
 
 
 def limits(measure: Measure) -> str:
@@ -174,5 +194,6 @@ BLOCKS = (
     Block("penalty-alpha", "minutes", accuracy),
     Block("penalty-weight", "minutes", weight),
     Block("penalty-effort", "minutes", effort),
+    Block("penalty-blocks", "minutes", squeezed),
     Block("penalty-limits", "minutes", limits),
 )
