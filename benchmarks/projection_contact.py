@@ -189,7 +189,8 @@ MESHES: dict[str, Callable[..., Tiles]] = {
 
 
 def tiled(mesh: str, numbers: list[int], gamma: float, projection: str = "auto") -> dict[str, float]:
-    """Gap at the point, mean gap, reaction, load and iterations of the box on tiles, alpha_r = 1.
+    """Gap at the point, mean gap, reaction, energy of the regulariser, load and iterations of the box on tiles,
+    alpha_r = 1.
 
     Args:
         mesh: of ``MESHES``.
@@ -203,7 +204,7 @@ def tiled(mesh: str, numbers: list[int], gamma: float, projection: str = "auto")
 
 
 def cbox(medium_refinement: int, projection: str) -> dict[str, float]:
-    """Gap, reaction, load and iterations of the C-box."""
+    """Gap, reaction, energy of the regulariser, load and iterations of the C-box."""
     settings = RunOptions(element=ElementSettings(projection=projection))
     return _values(run(CBox(medium_refinement=medium_refinement), None, settings))
 
@@ -213,6 +214,7 @@ def _values(result: RunResult) -> dict[str, float]:
     assert last.gap is not None
     return {
         "gap": last.gap, "reaction": abs(last.reaction), "load": result.load, "iterations": result.newton_iterations,
+        "regulariser": result.checks["regulariser_energy"],
     }  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from pages.block import Block
 from pages.runs import Measure, percent, table
 
 Values = dict[str, Any]
+ENERGY = "energy of the regulariser"
 
 
 def _box(measure: Measure, gamma: float, projection: str, mesh: str, *numbers: int) -> Values:
@@ -18,8 +19,8 @@ def _box(measure: Measure, gamma: float, projection: str, mesh: str, *numbers: i
 
 
 def _entries(run: Values, base: Values | None = None) -> list[str]:
-    """Gap, mean gap, reaction, and the last two relative to another run."""
-    found = [f"{run['gap']:.3e}", f"{run['mean']:.3e}", f"{run['reaction']:.4e}"]
+    """Gap, mean gap, energy of the regulariser, reaction, and mean gap and reaction relative to another run."""
+    found = [f"{run['gap']:.3e}", f"{run['mean']:.3e}", f"{run['regulariser']:.2e}", f"{run['reaction']:.4e}"]
     if base is not None:
         found += ["" if run is base else percent(run[name] / base[name] - 1, 1) for name in ("mean", "reaction")]
     if run["load"] < 1.0:
@@ -43,7 +44,7 @@ def points(measure: Measure) -> str:
         f"the wall of the coarsest mesh in 4 slices, without any hanging node, can only add functions: it moves the "
         f"gap by {percent(cut[1e-5], 0)} at gamma = 1e-5 and by {percent(cut[1e-6], 0)} at 1e-6."
     )
-    return table(("squares of", "at the points refined", "gap", "mean gap", "reaction"), rows) + f"\n\n{text}"
+    return table(("squares of", "at the points refined", "gap", "mean gap", ENERGY, "reaction"), rows) + f"\n\n{text}"
 
 
 def hanging(measure: Measure) -> str:
@@ -61,7 +62,7 @@ def hanging(measure: Measure) -> str:
         for label, run in {"r = 1": base, **runs, **more, **fine}.items():
             rows.append([f"{gamma:.0e}", label, *_entries(run, base), str(run["iterations"])])
     mean, reaction = (100 * max(column) for column in zip(*changes, strict=True))
-    head = ("gamma", "mesh", "gap", "mean gap", "reaction", "mean gap to r = 1", "reaction to r = 1",
+    head = ("gamma", "mesh", "gap", "mean gap", ENERGY, "reaction", "mean gap to r = 1", "reaction to r = 1",
             "Newton iterations")  # fmt: skip
     apart = " and ".join(f"{100 * max(found):.1f} % at {gamma:.0e}" for gamma, found in to_conforming.items())
     text = (
@@ -82,14 +83,15 @@ def medium(measure: Measure) -> str:
             for projection in ("auto", "full"):
                 run = _box(measure, gamma, projection, mesh, *numbers)
                 rows.append([mesh, f"{gamma:.0e}", projection, *_entries(run, base)])
-    head = ("mesh", "gamma", "projection", "gap", "mean gap", "reaction", "mean gap to squares", "reaction to squares")
+    head = ("mesh", "gamma", "projection", "gap", "mean gap", ENERGY, "reaction", "mean gap to squares",
+            "reaction to squares")  # fmt: skip
     return table(head, rows)
 
 
 def crushed(measure: Measure) -> str:
     """Composite functions on squares."""
     rows = [[name, *_entries(_box(measure, 1e-6, name, "equal", 1))] for name in ("auto", "composite")]
-    return table(("projection", "gap", "mean gap", "reaction"), rows)
+    return table(("projection", "gap", "mean gap", ENERGY, "reaction"), rows)
 
 
 def cbox(measure: Measure) -> str:
@@ -99,8 +101,9 @@ def cbox(measure: Measure) -> str:
         for refinement in (1, 2):
             run = measure(studies.cbox, refinement, projection)
             gap = f"{run['gap']:.5f}" if run["load"] == 1.0 else f"stops at {100 * run['load']:.0f} % of the load"
-            rows.append([projection, str(refinement), gap, f"{run['reaction']:.4e}", str(run["iterations"])])
-    return table(("projection", "medium's cells divided by", "gap", "reaction", "Newton iterations"), rows)
+            rows.append([projection, str(refinement), gap, f"{run['regulariser']:.2e}", f"{run['reaction']:.4e}",
+                         str(run["iterations"])])  # fmt: skip
+    return table(("projection", "medium's cells divided by", "gap", ENERGY, "reaction", "Newton iterations"), rows)
 
 
 def bricks(measure: Measure) -> str:

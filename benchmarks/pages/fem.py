@@ -133,8 +133,10 @@ def table_2(measure: Measure) -> str:
             deviation = run["gap"] / paper.value - 1
             off.append(abs(deviation))
         rows.append([f"{alpha_r:g}", f"{gamma:.0e}", shown(run), _paper(paper), "–" if deviation is None else
-                     percent(deviation), str(run["steps"]), str(run["iterations"])])  # fmt: skip
-    head = ("alpha_r", "gamma", "gap", "paper's FEM", "difference", "steps", "Newton iterations")
+                     percent(deviation), f"{run['regulariser']:.2e}", str(run["steps"]),
+                     str(run["iterations"])])  # fmt: skip
+    head = ("alpha_r", "gamma", "gap", "paper's FEM", "difference", "energy of the regulariser", "steps",
+            "Newton iterations")  # fmt: skip
     text = f"The largest difference is {100 * max(off):.1f} %."
     return f"{table(head, rows)}\n\n{text}"
 
@@ -143,23 +145,25 @@ def _paper(cell: Printed) -> str:
     return "suspect" if cell.suspect else "no convergence" if cell.value is None else f"{cell.value:.4e}"
 
 
-def both_methods(measure: Measure, n: int, pair: tuple[float, float]) -> tuple[float, float]:
-    """Gaps of finite and virtual elements on 20 n x 5 n squares."""
+def both_methods(measure: Measure, n: int, pair: tuple[float, float]) -> list[tuple[float, float]]:
+    """Gap and energy of the regulariser of finite and of virtual elements on 20 n x 5 n squares."""
     cells = (20 * n, 5 * n)
     fem, vem = measure(studies.fem, cells, *pair), measure(box_runs.box, cells, *pair)
-    return float(fem["gap"]), float(vem["gap"])
+    return [(fem["gap"], fem["regulariser"]), (vem["gap"], vem["checks"]["regulariser_energy"])]
 
 
 def convergence(measure: Measure) -> str:
     """Mesh-converged gaps of both methods, with uncertainty."""
     rows, apart, moved = [], [], []
     for pair in CONVERGENCE_PAIRS:
-        gaps = np.array([both_methods(measure, n, pair) for n in CONVERGENCE_MESHES])
+        found = np.array([both_methods(measure, n, pair) for n in CONVERGENCE_MESHES])
+        gaps = found[:, :, 0]
         apart.append(np.abs(gaps[:, 1] / gaps[:, 0] - 1))
         moved.append(np.abs(gaps[-1] / gaps[-2] - 1))
-        for method, values in zip(("FEM", "VEM"), gaps.T.tolist(), strict=True):
-            limit: Extrapolation = extrapolate([1.0 / n for n in CONVERGENCE_MESHES], values)
-            rows.append([f"{pair[0]:g}", f"{pair[1]:.0e}", method, *(f"{gap:.4e}" for gap in values), str(limit)])
+        for method, values in zip(("FEM", "VEM"), found.swapaxes(0, 1).tolist(), strict=True):
+            limit: Extrapolation = extrapolate([1.0 / n for n in CONVERGENCE_MESHES], [gap for gap, _ in values])
+            entries = [f"{gap:.4e} / {energy:.2e}" for gap, energy in values]
+            rows.append([f"{pair[0]:g}", f"{pair[1]:.0e}", method, *entries, str(limit)])
     text = (
         f"On the same squares the two methods differ by up to {100 * np.max(apart):.2f} %, on the finest by up to "
         f"{100 * np.max(np.array(apart)[:, -1]):.2f} %. From the second mesh to the finest the gaps still move by "

@@ -130,25 +130,32 @@ def same_squares(measure: Measure) -> str:
     n = fem.CONVERGENCE_MESHES[-1]
     rows = []
     for pair in fem.CONVERGENCE_PAIRS:
-        gaps = fem.both_methods(measure, n, pair)
-        rows.append([f"{pair[0]:g}, {pair[1]:.0e}", *(f"{gap:.4e}" for gap in gaps)])
+        found = fem.both_methods(measure, n, pair)
+        rows.append([f"{pair[0]:g}, {pair[1]:.0e}", *(f"{gap:.4e} / {energy:.3e}" for gap, energy in found)])
     return table((r"$\alpha_r$, $\gamma$", "finite elements, 3 x 3 points", "virtual elements, 4 x 4 points"), rows)
 
 
 def other_cells(measure: Measure) -> str:
     """Both methods, Voronoi cells and hanging nodes."""
-    runs = {
-        "finite elements on squares, 3 x 3 points": measure(box_runs.box, (80, 20), 1.0, 1e-5, "fem"),
-        "virtual elements on squares, 4 x 4 points (Q2)": measure(box_runs.box, (80, 20), 1.0, 1e-5),
-        "virtual elements on Voronoi cells": measure(box_runs.box, (80, 20), 1.0, 1e-5, box={"cell_kind": "voronoi"}),
-        "virtual elements, cells of the medium halved (hanging nodes)": measure(
-            box_runs.box, (80, 20), 1.0, 1e-5, box={"medium_refinement": 2}
-        ),
+    voronoi, full = {"cell_kind": "voronoi"}, {"interior_penalty": "full"}
+    cases: dict[str, dict[str, Any]] = {
+        "finite elements on squares, 3 x 3 points": {"method": "fem"},
+        "virtual elements on squares, 4 x 4 points (Q2)": {},
+        "virtual elements on Voronoi cells": {"box": voronoi},
+        "virtual elements, cells of the medium halved (hanging nodes)": {"box": {"medium_refinement": 2}},
+        "virtual elements on squares, interior penalty `full`": {"element": full},
+        "virtual elements on Voronoi cells, interior penalty `full`": {"box": voronoi, "element": full},
     }
+    runs = {label: measure(box_runs.box, (80, 20), 1.0, 1e-5, **case) for label, case in cases.items()}
     base = next(iter(runs.values()))["gap"]
-    rows = [[label, f"{run['gap']:.4e}", "" if n == 0 else percent(run["gap"] / base - 1), f"{run['reaction']:.4e}"]
-            for n, (label, run) in enumerate(runs.items())]  # fmt: skip
-    return table(("", "gap", "difference", "reaction"), rows)
+    rows = [[label, f"{run['gap']:.4e}", "" if n == 0 else percent(run["gap"] / base - 1), f"{run['reaction']:.4e}",
+             f"{_bending(run):.2e}"] for n, (label, run) in enumerate(runs.items())]  # fmt: skip
+    return table(("", "gap", "difference", "reaction", "energy of the regulariser"), rows)
+
+
+def _bending(run: dict[str, Any]) -> float:
+    """Energy of the regulariser in cells and between them."""
+    return float(run["checks"]["regulariser_energy"] + run["checks"].get("penalty_energy", 0.0))
 
 
 def accuracy(measure: Measure) -> str:

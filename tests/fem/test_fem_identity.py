@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers_fem import FemSettings
+from helpers_fem import FemSettings, Float, grid, integral, medium
+from helpers_fem import make_system as fem_system
+from helpers_penalty import penalised
+from helpers_system import interpolate, make_system
 
 from tmc_vem import Box, RunOptions, RunResult, run
 from tmc_vem.vem.spaces.element_settings import ElementSettings
@@ -32,6 +35,25 @@ def test_all_digits_agree_on_rectangles(by_vem: RunResult, by_fem: RunResult) ->
         assert vem.reaction == pytest.approx(fem.reaction, rel=1e-10)
         for of in ("energy", "min_j"):
             assert dict(getattr(vem, of)) == pytest.approx(dict(getattr(fem, of)), rel=1e-9), of
+
+
+@pytest.mark.parametrize("kind", ["penalty", "full"])
+def test_sides_of_squares_store_the_same_energy(kind: str) -> None:
+    """Kinks along both directions of a grid, in a state of Q2; there neither method has a jump along the side."""
+
+    def kinked(x: Float) -> Float:
+        right, top = np.maximum(x[:, 0] - 0.5, 0.0), np.maximum(x[:, 1] - 0.5, 0.0)
+        return np.column_stack([0.3 * right * (1 + x[:, 1]) - 0.1 * x[:, 1] ** 2, 0.2 * top * x[:, 0] + 0.1 * right])
+
+    mesh, energy = grid(4, 4), medium()
+    fem = fem_system(mesh, energy, interior_penalty=kind)
+    stored = integral(fem, fem.interpolate(kinked), fem.forms.facets["all"])
+    vem = make_system(mesh, penalised(energy.integrand, energy.values, kind), ())
+    assert vem.penalty is not None
+    u = vem.nodal_values(interpolate(vem, kinked))
+    sides = sum(terms.energies(u)[0].sum() for terms in vem.penalty.terms)
+    assert stored > 1e-3
+    assert sides == pytest.approx(stored, rel=1e-9)
 
 
 def test_other_cells_and_rules_are_other_methods(by_fem: RunResult) -> None:

@@ -12,6 +12,7 @@ from helpers_penalty import LINEAR, amplitude, bricks, medium, named, penalised,
 from helpers_system import dense, interpolate, make_system
 
 from codegen.integrand import second_gradient_energy
+from tmc_vem import Box, Medium, RunOptions, run
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.support.errors import InputError
 from tmc_vem.vem.facets.energy import facet_integrand
@@ -54,6 +55,19 @@ def test_the_second_gradient_problem_is_solved(mesh: str) -> None:
 @pytest.mark.parametrize("mesh", ["squares", "voronoi", "bricks"])
 def test_the_penalty_alone_comes_close(mesh: str) -> None:
     assert 1.0 < amplitude(MESHES[mesh](12), "penalty") < 1.07
+
+
+def test_one_weight_is_one_medium_on_all_cells() -> None:
+    """The regulariser of the box, in cells and between them, where it counts; without, a third is missing."""
+
+    def regulariser(cells: str, kind: str) -> float:
+        box = Box(cells=(20, 5), uy=-0.2, medium=Medium(alpha_r=10.0, gamma=1e-3), cell_kind=cells)
+        result = run(box, options=RunOptions(element=ElementSettings(interior_penalty=kind), steps=3))
+        return float(result.checks["regulariser_energy"] + result.checks.get("penalty_energy", 0.0))
+
+    squares = regulariser("quadrilaterals", "full")
+    assert regulariser("voronoi", "full") == pytest.approx(squares, rel=0.05)
+    assert regulariser("voronoi", "none") < 0.7 * squares
 
 
 def test_order_three_converges_faster() -> None:

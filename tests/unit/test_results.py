@@ -12,6 +12,7 @@ import pytest
 from mpi4py import MPI
 
 from tmc_vem import Box, Medium, RunOptions, prepare, run
+from tmc_vem.cli.progress import summary_rows
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import read_fields, snapshots
@@ -19,7 +20,9 @@ from tmc_vem.simulation.recorder import Recorder
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.petsc import PETSc
 from tmc_vem.support.timing import Timer
+from tmc_vem.system.discretisation import Evaluation, RegionValues
 from tmc_vem.system.fields import Fields, Polygons
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 
 @pytest.fixture(scope="module")
@@ -147,6 +150,35 @@ def test_last_state_is_checked(short_run: RunResult) -> None:
     assert not checks["interpenetrates"]
     assert checks["imbalance"] < 1e-9
     assert 0.0 < checks["regulariser_energy"] < short_run.history[-1].energy["medium"]
+
+
+def test_energy_between_cells_is_told_apart() -> None:
+    """The regulariser's 0.5 of the cells' 3, and what the regions have beyond the cells."""
+
+    def cell_energies(u: object, without: str = "") -> object:
+        return np.array([1.0, 1.5]) if without == "alpha_r" else np.array([1.0, 2.0])
+
+    system = SimpleNamespace(cell_energies=cell_energies, comm=MPI.COMM_SELF)
+    regions = {"solid": RegionValues(1.0, 1.0), "medium": RegionValues(2.25, 1.0)}
+    for inputs, expected in (
+        ({"interior_penalty": "full"}, {"regulariser_energy": 0.5, "penalty_energy": 0.25}),
+        ({"interior_penalty": "none"}, {"regulariser_energy": 0.5}),
+        ({}, {"regulariser_energy": 0.5}),
+    ):
+        recorder = cast(Recorder, SimpleNamespace(system=system, inputs=inputs))
+        u = cast(PETSc.Vec, None)
+        assert Recorder._second_gradient(recorder, u, Evaluation(3.25, regions)) == expected
+
+
+def test_the_summary_says_how_much_is_between_cells(short_run: RunResult) -> None:
+    assert "penalty_energy" not in short_run.checks
+    box = Box(cells=(20, 5), uy=-0.02, medium=Medium(gamma=1e-4))
+    penalised = run(box, options=RunOptions(element=ElementSettings(interior_penalty="full"), steps=1))
+    cells, sides = (penalised.checks[name] for name in ("regulariser_energy", "penalty_energy"))
+    assert 0.0 < abs(sides) < cells < penalised.history[-1].energy["medium"]
+    lines = [dict(summary_rows(result))["energy, regulariser"] for result in (short_run, penalised)]
+    assert lines[0] == f"{short_run.checks['regulariser_energy']:.6e}, a part of the medium's"
+    assert lines[1] == f"{cells:.6e} in cells, {sides:.6e} between them, a part of the medium's"
 
 
 @pytest.mark.parametrize("component", [0, 1])

@@ -115,6 +115,8 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
     if result.checks:
         column = next((column for column in result.units if column.startswith("energy_")), "")
         energy = with_unit(f"{result.checks['regulariser_energy']:.6e}", column)
+        if "penalty_energy" in result.checks:
+            energy += " in cells, " + with_unit(f"{result.checks['penalty_energy']:.6e}", column) + " between them"
         rows.append(("energy, regulariser", f"{energy}, a part of the medium's"))
         rows.append(("contact", result.checks["summary"]))
         lost = result.checks.get("energy_balance") or {}

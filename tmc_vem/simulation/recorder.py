@@ -36,7 +36,7 @@ from tmc_vem.support.errors import TmcError
 from tmc_vem.support.parallel import on_every_rank, on_root
 from tmc_vem.support.timing import Timer
 from tmc_vem.system.control import Control
-from tmc_vem.system.discretisation import Discretisation
+from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Fields
 from tmc_vem.system.layout import DISPLACEMENT
 
@@ -199,11 +199,8 @@ class Recorder:
                 self._snapshots.write(self.history[-1].step, self.history[-1].coordinate, u)
         with self.timer("check"):
             residual = self.system.create_vector()
-            self.system.residual(u, residual)
-            imbalance = self._imbalance(residual)
-            share = self.system.cell_energies(u).sum() - self.system.cell_energies(u, without="alpha_r").sum()
-            regulariser = float(self.system.comm.allreduce(share))
-            checks: dict[str, Any] = {"imbalance": imbalance, "regulariser_energy": regulariser}
+            evaluation = self.system.residual(u, residual)
+            checks: dict[str, Any] = {"imbalance": self._imbalance(residual), **self._second_gradient(u, evaluation)}
             checks |= {"inverted_cells": self._count_inverted(u), **self._inverted}
             balance_of_energy = energy_balance(self.history)
             if balance_of_energy:
@@ -288,6 +285,16 @@ class Recorder:
         largest = float(np.abs(reaction).max(initial=0.0))
         resultant = np.hypot(reaction[component == 0].sum(), reaction[component == 1].sum())
         return float(resultant) / largest if largest else 0.0
+
+    def _second_gradient(self, u: Vec, evaluation: Evaluation) -> dict[str, float]:
+        """Energy of the regulariser in cells and, if there is an interior penalty, between them."""
+        cells = self.system.cell_energies(u).sum()
+        share = cells - self.system.cell_energies(u, without="alpha_r").sum()
+        found = {"regulariser_energy": float(self.system.comm.allreduce(share))}
+        if self.inputs.get("interior_penalty", "none") != "none":
+            whole = sum(values.energy for values in evaluation.regions.values())
+            found["penalty_energy"] = whole - float(self.system.comm.allreduce(cells))
+        return found
 
     @cached_property
     def _node_labels(self) -> Float:
