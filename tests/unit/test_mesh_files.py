@@ -237,9 +237,9 @@ def test_region_data_of_files_with_numbers() -> None:
 
 def test_region_data_of_a_file_without_cell_data(tmp_path: Path) -> None:
     mesh = read_mesh(obj(tmp_path / "one.obj", [(0, 0), (1, 0), (1, 1), (0, 1)], "1 2 3 4"))
-    for data, known in (({"soil": np.array([3])}, "soil"), ({}, "none")):
-        meshio.Mesh(np.column_stack([mesh.points_vx, np.zeros(4)]), [("quad", mesh.cell_vertices.reshape(1, 4))],
-                    cell_data={name: [values] for name, values in data.items()}).write(tmp_path / "one.vtk")  # fmt: skip
+    points, cells = np.column_stack([mesh.points_vx, np.zeros(4)]), [("quad", mesh.cell_vertices.reshape(1, 4))]
+    for data, known in (({"soil": [np.array([3])]}, "soil"), ({}, "none")):
+        meshio.Mesh(points, cells, cell_data=data).write(tmp_path / "one.vtk")
         with pytest.raises(InputError, match=rf"there is no cell data 'rock' \(there are: {known}\)"):
             read_mesh(tmp_path / "one.vtk", region_data="rock")
 
