@@ -210,6 +210,18 @@ def test_steps_stop_where_a_trace_turns_over() -> None:
     assert min(region.min_j for region in lowest.regions.values()) == pytest.approx(0.1, rel=1e-9)
 
 
+def test_the_penalty_alone_bears_traces_that_turn_over() -> None:
+    """Its weight exp(-beta J) has a value there: neither steps nor the smallest J are those of the sides."""
+    integrand = medium("medium_huhu_lulu_damped")
+    plain, sides = (make_system(grid(2, 2), penalised(integrand, MEDIUM, kind), ()) for kind in ("none", "penalty"))
+    squeeze = lambda x: np.column_stack([-0.51 * x[:, 0] ** 2, 0.0 * x[:, 0]])  # noqa: E731
+    limits = [s.max_step(s.create_vector(), interpolate(s, squeeze)) for s in (plain, sides)]
+    assert limits[0] == limits[1] > 1.0
+    lowest = [s.energy(interpolate(s, squeeze)).min_j for s in (plain, sides)]
+    assert lowest[0] == lowest[1] > 0.0
+    assert np.isfinite(sides.energy(interpolate(sides, squeeze)).energy)
+
+
 def test_parameters_change_in_sides_too() -> None:
     integrand = medium("medium_huhu_lulu_damped")
     changed, fresh = (

@@ -17,7 +17,7 @@ from codegen.kernel import ENERGY, GRADIENT, TANGENT, Kernel, compiled
 from codegen.library import ARRAY, INT, INT64, POINTS, Signatures, address
 from tmc_vem.system.interior_penalty import require_weights
 from tmc_vem.vem.facets.batch import SideBatch
-from tmc_vem.vem.facets.energy import ETA, facet_integrand
+from tmc_vem.vem.facets.energy import ETA, JUMP_BY_NORMAL, facet_integrand
 from tmc_vem.vem.kernel.cells import require_memory
 from tmc_vem.vem.kernel.driver import LANE_PRODUCTS, STEP_LIMIT
 
@@ -38,22 +38,33 @@ class SideKernel(Kernel):
         "tmc_side_limits": (INT64, (ARRAY,) * 4),
     }
 
+    @property
+    def needs_positive_j(self) -> bool:
+        """Whether the medium's density is read at the sides, which may be none where J <= 0; exp(-beta J) always is."""
+        return JUMP_BY_NORMAL in self.layout.inputs
+
     def energies(
         self, batch: SideBatch, u_ni: Float, parameters: Float, residual_ni: Float | None = None
     ) -> tuple[Float, Float]:
         """Energy and smallest J (n_sides,) of each side; residuals are added to ``residual_ni`` if it is given.
 
+        J is infinite where it may be what it likes, see :attr:`needs_positive_j`.
+
         Raises:
             MemoryError: the work space could not be allocated.
         """
-        return self._terms(ENERGY if residual_ni is None else GRADIENT, batch, u_ni, parameters, residual_ni)
+        level = ENERGY if residual_ni is None else GRADIENT
+        energy_s, min_j_s = self._terms(level, batch, u_ni, parameters, residual_ni)
+        return energy_s, min_j_s if self.needs_positive_j else np.full(batch.n_sides, np.inf)
 
     def max_step(self, batch: SideBatch, u_ni: Float, du_ni: Float) -> Float:
-        """Largest s of each side, (n_sides,), with J(u + t du) > 0 at its points for t < s; may be infinite.
+        """Largest s of each side, (n_sides,), with J(u + t du) > 0 at its points for t < s, if it has to be.
 
         Raises:
             MemoryError: the work space could not be allocated.
         """
+        if not self.needs_positive_j:
+            return np.full(batch.n_sides, np.inf)
         step_s = np.empty(batch.n_sides)
         u_ni, du_ni = np.ascontiguousarray(u_ni), np.ascontiguousarray(du_ni)
         status = self._lib.tmc_side_limits(ctypes.byref(batch.struct), address(u_ni), address(du_ni), address(step_s))
