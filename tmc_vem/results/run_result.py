@@ -28,8 +28,9 @@ class RunResult:
         n_cells, n_dofs: size of the discretisation.
         cut_backs, newton_iterations: totals; the iterations include those of failed attempts.
         projection_degrees: number of cells by degree l (VEM only).
-        checks: interpenetration, gap along contact, imbalance of the reactions and the regulariser's part of the
-            medium's energy at the last converged step, see :class:`tmc_vem.results.contact.contact.ContactReport`.
+        checks: interpenetration, gap along contact, imbalance of the reactions, the regulariser's part of the medium's
+            energy and J between quadrature points at the last converged step, see
+            :class:`tmc_vem.results.contact.contact.ContactReport`.
         units: of the columns of the history that have one; in terms of length and force if the problem declares none.
         errors, warnings: what is wrong or doubtful about the result, in sentences, the weightiest first; see
             :mod:`tmc_vem.results.plausibility`. Run directories from before they were told apart have warnings only.

@@ -22,9 +22,9 @@ DONE = 1e-12
 # Way over which a new branch is looked for where the old one ends, in units of the smallest step; also the longest step
 # that may end on another branch.
 JUMP = 100.0
-# A state farther from the predicted one than this, in units of the predicted increment and of the domain's size, may be
-# on another branch, which Newton's method has found without being asked to. Where the branch only turns quickly, half the
-# step stays on it; so a step longer than JUMP that ends far away is halved, and only a shorter one has jumped.
+# A state farther from the predicted one than this, in units of the predicted increment and of the domain's size, may
+# be on another branch, which Newton's method has found without being asked to. Where the branch only turns quickly,
+# half the step stays on it; so a step longer than JUMP that ends far away is halved, and only a shorter one has jumped.
 FAR, FAR_AT_LEAST = 3.0, 1e-3
 DETOURS = (10.0, 100.0)  # by how much gamma is raised to get past a load where the branch ends
 # By how much it is raised for the rest of the path where that does not help; it is brought back at the end.
