@@ -13,7 +13,7 @@ from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation import run
 from tmc_vem.simulation.problem_file import read_problem
 
-OURS = 'energy = "balanced", regulariser = "angle_log", alpha = 0.25'
+OURS = 'energy = "balanced", regulariser = "angle_log", alpha = 2.5'
 
 
 ENDS_FLUSH: dict[str, float] = {}
@@ -52,7 +52,7 @@ def test_blocks_stay_apart(tmp_path: Path, shape: dict[str, float], gamma: str, 
 def test_the_paper_s_medium_does_not_keep_them_apart(tmp_path: Path) -> None:
     result = solved(tmp_path, "gamma = 1e-4, alpha = 0.25")
     assert not result.complete
-    assert any('energy = "balanced", regulariser = "angle_log"' in warning for warning in result.warnings)
+    assert any(f"or take {OURS}" in warning for warning in result.warnings)
 
 
 def test_only_media_that_are_drawn_in_are_warned_of(tmp_path: Path) -> None:
