@@ -247,3 +247,17 @@ def test_problem_files_get_another_medium() -> None:
     assert changed == f"[x]\nmedium = {{ gamma = 1, mu = 2, {ours} }}\n"
     first = f"\nmedium = {{ {ours}, alpha = 1 }}\n"
     assert media._in_medium(first, paper) == f"\nmedium = {{ {paper}, alpha = 1 }}\n"
+
+
+def test_the_problems_of_the_guide_are_compared_in_both_media() -> None:
+    from pages import media
+
+    def measure(function: Any, text: str) -> dict[str, Any]:
+        n = 2 if 'regulariser = "angle"' in text else 1
+        return {"load": 1.0, "iterations": 50 * n, "jumps": 0, "gap": 2e-3, "reaction": 0.5, "inverted": n}
+
+    lines = media.demos(measure).splitlines()
+    assert lines[2] == "| seal | the paper's | full load | 100 | 0 | 2.00e-03 | 5.0000e-01 | 2 |"
+    assert lines[3] == "| seal | balanced (the file's) | full load | 50 | 0 | 2.00e-03 | 5.0000e-01 | 1 |"
+    assert lines[4].startswith("| gripper | the paper's (the file's) |")
+    assert lines[-1].startswith("Of the two media not every file takes")
