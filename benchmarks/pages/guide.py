@@ -30,12 +30,17 @@ def _squeezed(run: dict[str, Any]) -> int:
     return max((int(match[1]) for match in found if match), default=0)
 
 
-def tutorial(measure: Measure) -> str:
-    """The plug of the tutorial, whose problem file stands in the page."""
+def plug() -> str:
+    """The problem file that stands in the tutorial."""
     page = (ROOT / "docs/guide/tutorial.md").read_text()
     text = re.search(r"cat > plug.toml <<'EOF'\n(.*?)^EOF$", page, re.DOTALL | re.MULTILINE)
     assert text is not None
-    run = measure(box_runs.problem, text[1])
+    return text[1]
+
+
+def tutorial(measure: Measure) -> str:
+    """The plug of the tutorial."""
+    run = measure(box_runs.problem, plug())
     return (
         f"The gap closes from 0.15 to {run['gap']:.4f}, and the plug is compressed by the rest. The summary also "
         f"warns: {_squeezed(run)} % of the final reaction squeezes the medium and not the bodies. That is the gap that "

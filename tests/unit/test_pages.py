@@ -211,3 +211,53 @@ def test_tables_of_results_come_from_a_block_or_name_their_source() -> None:
             cells = [cell for row in rows for cell in row.strip("|").split("|")[1:]]
             if cells and sum(RESULT.search(cell) is not None for cell in cells) > len(cells) / 2:
                 assert SOURCE.search(before) or SOURCE.search(paragraph), f"{page}: where is this from?\n{paragraph}"
+
+
+def test_what_is_said_about_runs_in_media() -> None:
+    """A run is good if it gets there without a jump and without J < 0; others say where they stop."""
+    from pages import media
+
+    full = {"load": 1.0, "reason": "full load", "depth": 0.0, "jumps": 0, "dense_min_j": 6e-4, "iterations": 52}
+    found = {
+        0.1: full,
+        0.05: {**full, "jumps": 2, "iterations": 99},
+    }
+
+    def measure(function: Any, problem: str, medium: str, alpha: float, gamma: float, cells: str, size: float) -> Any:
+        if gamma == 1e-4 and cells == "triangles":
+            return {**full, "dense_min_j": -0.02, "depth": 2e-7}
+        if gamma == 1e-6 and cells == "triangles":
+            return {**full, "load": 0.826, "reason": "solids would overlap: depth 1", "jumps": 1}
+        return found[size]
+
+    row = media.summary(measure).splitlines()[2]
+    assert row == "| flush | the paper's, 2.5 | 4 of 8 | 7 | 2 | 1 | 2e-07 | 52 to 99 |"
+    rows = media.blocks(measure).splitlines()[2:4]
+    assert rows[0].endswith("| 1e-04 | 52, J = 6e-04 | 99, 2 jumps, J = 6e-04 | 52, J = 6e-04 | 52, J = -2e-02 |")
+    assert rows[1].endswith("| stops at 83 %, would overlap, 1 jump, J = 6e-04 |")
+
+
+def test_problem_files_get_another_medium() -> None:
+    from pages import media
+
+    paper, ours = media.studies.MEDIA.values()
+    plain = '[x]\nmedium = { gamma = 1, mu = 2, regulariser = "angle" }\n'
+    assert media._in_medium(plain, paper) == plain
+    changed = media._in_medium(plain, ours)
+    assert changed == f"[x]\nmedium = {{ gamma = 1, mu = 2, {ours} }}\n"
+    first = f"\nmedium = {{ {ours}, alpha = 1 }}\n"
+    assert media._in_medium(first, paper) == f"\nmedium = {{ {paper}, alpha = 1 }}\n"
+
+
+def test_the_problems_of_the_guide_are_compared_in_both_media() -> None:
+    from pages import media
+
+    def measure(function: Any, text: str) -> dict[str, Any]:
+        n = 2 if 'regulariser = "angle"' in text else 1
+        return {"load": 1.0, "iterations": 50 * n, "jumps": 0, "gap": 2e-3, "reaction": 0.5, "inverted": n}
+
+    lines = media.demos(measure).splitlines()
+    assert lines[2] == "| seal | the paper's | full load | 100 | 0 | 2.00e-03 | 5.0000e-01 | 2 |"
+    assert lines[3] == "| seal | balanced (the file's) | full load | 50 | 0 | 2.00e-03 | 5.0000e-01 | 1 |"
+    assert lines[4].startswith("| gripper | the paper's (the file's) |")
+    assert lines[-1].startswith("Of the two media not every file takes")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -17,6 +18,7 @@ from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import read_fields, snapshots
 from tmc_vem.simulation.recorder import Recorder
+from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.petsc import PETSc
 from tmc_vem.support.timing import Timer
@@ -179,6 +181,32 @@ def test_the_summary_says_how_much_is_between_cells(short_run: RunResult) -> Non
     lines = [dict(summary_rows(result))["energy, regulariser"] for result in (short_run, penalised)]
     assert lines[0] == f"{short_run.checks['regulariser_energy']:.6e}, a part of the medium's"
     assert lines[1] == f"{cells:.6e} in cells, {sides:.6e} between them, a part of the medium's"
+
+
+def test_the_smallest_j_between_quadrature_points_is_reported(short_run: RunResult) -> None:
+    dense, rows = short_run.checks["dense_min_j"], dict(summary_rows(short_run))
+    assert short_run.checks["inverted_cells"] == {}
+    assert list(dense) == ["solid", "medium"]
+    for region, smallest in dense.items():
+        assert 0.0 < smallest < short_run.min_j[region]  # at vertices, in a box that bends
+        points, between = rows[f"smallest J, {region}"].split(", ")
+        assert points == f"{short_run.min_j[region]:.4e}"
+        assert between == f"{smallest:.2e} between quadrature points"
+    old = replace(short_run, checks={name: v for name, v in short_run.checks.items() if name != "dense_min_j"})
+    assert dict(summary_rows(old))["smallest J, medium"] == f"{old.min_j['medium']:.4e}"
+
+
+def test_cells_of_all_ranks_count_between_quadrature_points() -> None:
+    """Two cells of one region and two of another here, others on another rank; 0 and no number are not positive."""
+    system = SimpleNamespace(
+        output_polygons=lambda: SimpleNamespace(region_c=np.array([0, 1, 1, 0]), region_names=("a", "b", "c")),
+        dense_jacobians=lambda u: np.array([0.5, -0.25, 0.0, 0.75]),
+        comm=SimpleNamespace(allgather=lambda mine: [mine, [(0, 0.125), (1, -0.5), (1, np.nan)]]),
+    )
+    found = Recorder._between_the_points(cast(Recorder, SimpleNamespace(system=system)), cast(Vec, None))
+    assert found["inverted_cells"] == {"b": 3, "c": 1}
+    assert {name: value for name, value in found["dense_min_j"].items() if name != "c"} == {"a": 0.125, "b": -0.5}
+    assert np.isnan(found["dense_min_j"]["c"])
 
 
 @pytest.mark.parametrize("component", [0, 1])

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pytest
 from helpers_system import make_system, region
-from mpi4py import MPI
+from helpers_truss import Truss
 from numpy.typing import NDArray
 
 from tmc_vem.mesh import PolygonMesh
@@ -19,82 +18,10 @@ from tmc_vem.solve.budget import Budget
 from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
-from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.system.control import Control
-from tmc_vem.system.discretisation import Evaluation, RegionValues
 
 Float = NDArray[np.float64]
-
-
-class Truss:
-    """A shallow truss of two bars, rise 1, pushed at its top through a spring; degrees of freedom: top, spring's end.
-
-    Energy a/2 (v^2/2 - v)^2 + k/2 (d - v)^2; equilibrium a (v^2/2 - v) (v - 1) = k (d - v), d prescribed.
-    """
-
-    a, k, depth = 1.0, 0.2, 3.0
-
-    def __init__(self) -> None:
-        self.comm, self.size = MPI.COMM_SELF, 1.0
-        self._K = np.zeros((2, 2))
-
-    def create_vector(self) -> Any:
-        vector = PETSc.Vec().createSeq(2, comm=self.comm)
-        vector.set(0.0)
-        return vector
-
-    def create_matrix(self) -> Any:
-        matrix = PETSc.Mat().createAIJ([2, 2], nnz=2, comm=self.comm)
-        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        return matrix
-
-    def constrained(self) -> NDArray[np.int32]:
-        return np.array([1], dtype=np.int32)
-
-    def prescribed(self, position: Control) -> Float:
-        return np.array([self.depth * position.load])
-
-    def prescribed_per_load(self, position: Control) -> Float:
-        return np.array([self.depth])
-
-    def set_parameters(self, values: Mapping[str, float]) -> None:
-        pass
-
-    def energy(self, u: Any) -> Evaluation:
-        v, d = u.getArray(readonly=True)
-        energy = self.a / 2 * (v**2 / 2 - v) ** 2 + self.k / 2 * (d - v) ** 2
-        return Evaluation(energy, {"truss": RegionValues(energy, 1.0)}, "J = 1")
-
-    def residual(self, u: Any, out: Any) -> Evaluation:
-        v, d = u.getArray(readonly=True)
-        out.getArray()[:] = [self.a * (v**2 / 2 - v) * (v - 1) - self.k * (d - v), self.k * (d - v)]
-        return self.energy(u)
-
-    def jacobian(self, u: Any, out: Any) -> None:
-        v, _ = u.getArray(readonly=True)
-        stiffness = self.a * ((v - 1) ** 2 + (v**2 / 2 - v)) + self.k
-        self._K = np.array([[stiffness, -self.k], [-self.k, self.k]])
-        for i, row in enumerate([[stiffness, 0.0], [0.0, 1.0]]):
-            for j, value in enumerate(row):
-                out.setValue(i, j, value)
-        out.assemble()
-
-    def tangent_action(self, du: Any, out: Any) -> None:
-        out.getArray()[:] = self._K @ du.getArray(readonly=True)
-
-    def max_step(self, u: Any, du: Any) -> float:
-        return float("inf")
-
-    def point_displacements(self, u: Any, names: Sequence[str]) -> Float:
-        return np.zeros((len(names), 2))
-
-    def reaction(self, residual: Any, where: str, component: int) -> float:
-        return float(residual.getArray(readonly=True)[1])
-
-    def load_at(self, v: Float) -> Float:
-        """Load factor in equilibrium with the top moved by v."""
-        return (v + self.a * (v**2 / 2 - v) * (v - 1) / self.k) / self.depth
 
 
 def follow(system: Any, **options: Any) -> tuple[Any, list[Any], list[Float]]:

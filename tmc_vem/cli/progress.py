@@ -102,7 +102,10 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
         measured = {**gap, "reaction": last.reaction, **last.probes}  # gap and reaction first
         rows.append(("displacement", with_unit(f"{last.displacement:g}", "displacement")))
         rows += [(name, with_unit(f"{value:.6e}", name)) for name, value in measured.items()]
-        rows += [(f"smallest J, {region}", f"{value:.4e}") for region, value in last.min_j.items()]
+        dense = result.checks.get("dense_min_j", {})
+        for region, value in last.min_j.items():
+            between = f", {dense[region]:.2e} between quadrature points" if dense.get(region) is not None else ""
+            rows.append((f"smallest J, {region}", f"{value:.4e}{between}"))
         rows += [
             (f"energy, {region}", with_unit(f"{value:.6e}", f"energy_{region}"))
             for region, value in last.energy.items()

@@ -224,7 +224,8 @@ class _Scene:
                 self._close(a, b, (second - first) / width, width) and self._draws_in(medium),
                 f"{medium} ends flush at {_said(places[0])}-{_said(places[1])} between bodies that approach: "
                 f"let it reach at least one gap width ({width:.3g}) beyond, as its free side is drawn in there and "
-                'bodies pass through the notch; or take energy = "balanced", regulariser = "angle_log", alpha = 0.25',
+                'bodies pass through the notch; or take energy = "balanced", regulariser = "angle_log", '
+                f"alpha = {ENOUGH_ALPHA:g}",
             )
         ]  # fmt: skip
 

@@ -28,9 +28,9 @@ class RunResult:
         n_cells, n_dofs: size of the discretisation.
         cut_backs, newton_iterations: totals; the iterations include those of failed attempts.
         projection_degrees: number of cells by degree l (VEM only).
-        checks: interpenetration, gap along contact, imbalance of the reactions and the regulariser's part of the
-            medium's energy in cells (``regulariser_energy``) and, with an interior penalty, between them
-            (``penalty_energy``) at the last converged step, see
+        checks: interpenetration, gap along contact, imbalance of the reactions, the regulariser's part of the medium's
+            energy in cells (``regulariser_energy``) and, with an interior penalty, between them (``penalty_energy``),
+            and J between quadrature points at the last converged step, see
             :class:`tmc_vem.results.contact.contact.ContactReport`.
         units: of the columns of the history that have one; in terms of length and force if the problem declares none.
         errors, warnings: what is wrong or doubtful about the result, in sentences, the weightiest first; see

@@ -201,7 +201,7 @@ class Recorder:
             residual = self.system.create_vector()
             evaluation = self.system.residual(u, residual)
             checks: dict[str, Any] = {"imbalance": self._imbalance(residual), **self._second_gradient(u, evaluation)}
-            checks |= {"inverted_cells": self._count_inverted(u), **self._inverted}
+            checks |= {**self._between_the_points(u), **self._inverted}
             balance_of_energy = energy_balance(self.history)
             if balance_of_energy:
                 checks["energy_balance"] = balance_of_energy.as_dict()
@@ -258,17 +258,27 @@ class Recorder:
         if self._inverted:
             return
         with self.timer("check"):
-            count = self._count_inverted(u)
+            count = self._between_the_points(u)["inverted_cells"]
         if count:
             self._inverted = {"inverted_from": self.history[-1].load if self.history else 0.0}
 
-    def _count_inverted(self, u: Vec) -> dict[str, int]:
-        """Cells in which J is not positive on a dense grid, by region, for the regions that have any."""
+    def _between_the_points(self, u: Vec) -> dict[str, dict[str, Any]]:
+        """What J is on a grid much finer than the quadrature's, by region.
+
+        Returns:
+            ``inverted_cells``: cells in which it is not positive, for the regions that have any; ``dense_min_j``: the
+            smallest of a region, not a number if it is none anywhere.
+        """
         polygons = self.system.output_polygons()
-        inverted = polygons.region_c[~(self.system.dense_jacobians(u) > 0.0)]
-        mine = np.bincount(inverted, minlength=len(polygons.region_names))
-        count = np.sum(self.system.comm.allgather(mine), axis=0).tolist()
-        return {name: n for name, n in zip(polygons.region_names, count, strict=True) if n}
+        region_c, J = polygons.region_c, self.system.dense_jacobians(u)
+        mine = [(int((~(J[region_c == r] > 0.0)).sum()), float(J[region_c == r].min(initial=np.inf)))
+                for r in range(len(polygons.region_names))]  # fmt: skip
+        counts, smallest = np.moveaxis(np.array(self.system.comm.allgather(mine)), -1, 0)
+        inverted = zip(polygons.region_names, counts.sum(axis=0).astype(int).tolist(), strict=True)
+        return {
+            "inverted_cells": {name: n for name, n in inverted if n},
+            "dense_min_j": dict(zip(polygons.region_names, smallest.min(axis=0).tolist(), strict=True)),
+        }
 
     def _load_force(self, residual: Vec, position: Control) -> float:
         """Work of the prescribed displacements per load factor, at a position on the path."""

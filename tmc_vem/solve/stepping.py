@@ -19,9 +19,12 @@ from tmc_vem.system.discretisation import Evaluation, Refused
 P = ParamSpec("P")
 
 DONE = 1e-12
-JUMP = 100.0  # way over which a new branch is looked for where the old one ends, in units of the smallest step
-# A state farther from the predicted one than this, in units of the predicted increment and of the domain's size, is on
-# another branch: Newton's method has found it without being asked to.
+# Way over which a new branch is looked for where the old one ends, in units of the smallest step; also the longest step
+# that may end on another branch.
+JUMP = 100.0
+# A state farther from the predicted one than this, in units of the predicted increment and of the domain's size, may
+# be on another branch, which Newton's method has found without being asked to. Where the branch only turns quickly,
+# half the step stays on it; so a step longer than JUMP that ends far away is halved, and only a shorter one has jumped.
 FAR, FAR_AT_LEAST = 3.0, 1e-3
 DETOURS = (10.0, 100.0)  # by how much gamma is raised to get past a load where the branch ends
 # By how much it is raised for the rest of the path where that does not help; it is brought back at the end.
@@ -99,12 +102,16 @@ class StepperState:
         size: size of the next step.
         number: steps so far.
         stiffer: times at which the path was given up for one with a stiffer medium, and by what factor each.
+        far_at: the last time at which a state was found far from its prediction, in a step that was halved then.
+        rate: the increment that was predicted then, per time.
     """
 
     time: float = 0.0
     size: float = 0.0
     number: int = 0
     stiffer: tuple[tuple[float, float], ...] = ()
+    far_at: float = 0.0
+    rate: float = 0.0
 
 
 OnStep = Callable[[Step, States, StepperState], None]
@@ -142,13 +149,16 @@ class Attempt:
 
     Attributes:
         result: of Newton's method.
-        far: the state is far from where it was predicted: on another branch.
+        far: the state is far from where it was predicted: it may be on another branch.
         refusal: of the last state on the way to it that has converged and was not admitted, if there was one.
+        expected, moved: largest entry of the increment that was predicted and of the one that was found.
     """
 
     result: NewtonResult
     far: bool = False
     refusal: Refused | None = None
+    expected: float = 0.0
+    moved: float = 0.0
 
 
 @dataclass
@@ -199,7 +209,10 @@ class LoadStepper:
                 target = self._target(position)
                 attempt = _outcome(self._attempt, u, states, trial, position.time, target)
                 result, jumped = attempt.result, attempt.far
-                if jumped:
+                if result.converged and self._to_be_halved(attempt, position, target):
+                    result = replace(result, converged=False, reason="a state far from its prediction", residual=None)
+                    position = _suspicious(position, attempt, target)
+                elif jumped:
                     result = self.solver.admitted_jump(u, trial, result)
                 refusal = result.refusal or attempt.refusal or refusal
                 if not result.converged:
@@ -226,10 +239,11 @@ class LoadStepper:
                     result = other.result
                 trial.copy(u)
                 states.append(self.path.vector(self.path.at(target)), u)
-                if jumped:  # there is nothing to extrapolate across a jump to another branch
+                if jumped:  # there is nothing to extrapolate across a jump to another branch, nor to compare with
                     states.forget()
+                    position = replace(position, far_at=0.0)
                 size = self._next_size(position, target, len(result.iterations), cut_backs > 0 and not jumped)
-                position = StepperState(target, size, position.number + 1, position.stiffer)
+                position = replace(position, time=target, size=size, number=position.number + 1)
                 wasted = self.solver.iterations_done - done - len(result.iterations)
                 last = Step(position.number, target, self.path.at(target), result, cut_backs, wasted, jumped)
                 if self.on_step:
@@ -253,20 +267,21 @@ class LoadStepper:
 
     def _attempt(self, u: Vec, states: States, trial: Vec, now: float, target: float) -> Attempt:
         """Try to find equilibrium at ``target`` in ``trial``, starting from an extrapolation or the tangent."""
-        control, far, refusal = self._control(target), False, None
+        control, far, expected, refusal = self._control(target), False, 0.0, None
         if self._extrapolate(u, states, trial, target):
             self.solver.set_prescribed(trial, control)
             attempt = self._solve(u, trial)
             if attempt.result.converged:
                 return attempt
-            far, refusal = attempt.far, attempt.refusal
+            far, expected, refusal = attempt.far, attempt.expected, attempt.refusal
         if self.solver.predict(u, control, trial):
             attempt = self._solve(u, trial)
             return replace(attempt, refusal=attempt.refusal or refusal)
         if control.load == self.path.at(now).load:  # parameters change, and the old state is admissible still
             u.copy(trial)
             result = self.solver.solve(trial, on_iteration=self.on_iteration)
-            return Attempt(result, far, result.refusal or refusal)  # where the extrapolation went off, this may as well
+            # where the extrapolation went off, this may as well
+            return Attempt(result, far, result.refusal or refusal, expected)
         evaluation, complaint = self.solver.system.energy(u), self.solver.linear_complaint
         reason = f"no predictor{complaint}" if complaint else f"the predictor inverts the mesh ({evaluation.worst})"
         return Attempt(NewtonResult(False, reason, evaluation), refusal=refusal)
@@ -279,9 +294,23 @@ class LoadStepper:
         result = self.solver.solve(trial, on_iteration=self.on_iteration)
         increment.waxpy(-1.0, predicted, trial)
         far = increment.norm(3) > max(FAR * expected, FAR_AT_LEAST * self.solver.system.size)
+        increment.waxpy(-1.0, u, trial)
+        moved = increment.norm(3)
         predicted.destroy()
         increment.destroy()
-        return Attempt(result, far, result.refusal)
+        return Attempt(result, far, result.refusal, expected, moved)
+
+    def _to_be_halved(self, attempt: Attempt, position: StepperState, target: float) -> bool:
+        """Whether a step leads so far that a shorter one should tell whether the branch goes there.
+
+        Close to the end of a branch any increment is predicted. So up to the time of a state that was found far away,
+        steps are compared with what was predicted before it as well.
+        """
+        taken = target - position.time
+        if taken <= JUMP * self.options.smallest * (1.0 + DONE):
+            return False
+        usual = max(FAR * position.rate * taken, FAR_AT_LEAST * self.solver.system.size)
+        return attempt.far or (position.time < position.far_at and attempt.moved > usual)
 
     def _extrapolate(self, u: Vec, states: States, trial: Vec, target: float) -> bool:
         """Extrapolate with the highest order that keeps J > 0, into ``trial``; whether there is one."""
@@ -340,7 +369,7 @@ class LoadStepper:
             return None
         self.path = path
         size = min(self.options.first, self.options.largest)
-        return replace(position, size=size, stiffer=(*position.stiffer, (position.time, unused[0])))
+        return replace(position, size=size, far_at=0.0, stiffer=(*position.stiffer, (position.time, unused[0])))
 
     def _control(self, time: float) -> Control:
         """Give the system the parameters of a time; the point of the path there."""
@@ -396,6 +425,15 @@ class LoadStepper:
         if taken < (1.0 - 1e-6) * position.size and iterations <= wanted:  # short only because something had to be hit
             return position.size
         return min(options.largest, taken * factor)
+
+
+def _suspicious(position: StepperState, attempt: Attempt, target: float) -> StepperState:
+    """The position with the time of a state that is far away, and with what was predicted before the first of them."""
+    if not attempt.far:
+        return position
+    known = position.time < position.far_at
+    rate = position.rate if known else attempt.expected / (target - position.time)
+    return replace(position, far_at=max(position.far_at, target), rate=rate)
 
 
 def _outcome(attempt: Callable[P, Attempt], *arguments: P.args, **named: P.kwargs) -> Attempt:
