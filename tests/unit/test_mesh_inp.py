@@ -183,7 +183,7 @@ def test_instances_and_sets_of_the_assembly(tmp_path: Path) -> None:
     [
         ("2", [[2, 0, 0], [3, 0, 0], [2, 1, 0]]),
         ("2, , 3", [[2, 0, 3], [3, 0, 3], [2, 1, 3]]),
-        (",,\n1, 1", [[1, 1, 0], [2, 1, 0], [1, 2, 0]]),
+        (",,,,,\n1, 1", [[1, 1, 0], [2, 1, 0], [1, 2, 0]]),
         ("1, 1, 0, 1, 1, 4, 90", [[2, 0, 0], [2, 1, 0], [1, 0, 0]]),
         ("1, 0, 0\n1, 1, 5, 1, 1, 4, 180", [[1, 2, 0], [0, 2, 0], [1, 1, 0]]),
         ("0, 0, 0, 3, 0, 0, 90", [[0, 0, 0], [1, 0, 0], [0, 0, 1]]),
@@ -250,6 +250,12 @@ def test_files_that_are_refused(text: str, message: str | None, tmp_path: Path) 
     with pytest.raises(InputError) as refused:
         read(text, tmp_path)
     assert str(refused.value) == message
+
+
+def test_files_are_included_where_they_are_named(tmp_path: Path) -> None:
+    (tmp_path / "nodes.inc").write_text(NODES)
+    record = read(f"*INCLUDE, INPUT=nodes.inc\n{TWO}*NSET, NSET=a\n1\n", tmp_path)
+    assert (len(record.points), len(record.loops), listed(record.nodes)) == (6, 2, {"a": [0]})
 
 
 def test_keywords_in_all_spellings(tmp_path: Path) -> None:

@@ -175,7 +175,7 @@ def test_names_in_latin_1_and_the_last_of_sections_of_a_name(tmp_path: Path) -> 
     names = b'$PhysicalNames\n1\n2 5 "k\xf6rper"\n$EndPhysicalNames\n'
     content = plain("1\n1 2 1 5 1 2 3").replace(b"$Nodes", names + b"$Nodes")
     assert read(content, tmp_path).regions[0].name == "körper"
-    again = names.replace(b"k\xf6rper", "körper".encode()) + b"$Comments\nall $ sorts\n$EndComments\n"
+    again = names.replace(b"k\xf6rper", "körper".encode()) + b"$Comments\nall $ sorts\n$EndComments\n$C\n1\n$EndC\n"
     assert read(content + again, tmp_path).regions[0].name == "körper"
 
 
