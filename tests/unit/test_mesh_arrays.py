@@ -58,6 +58,9 @@ def test_names_of_nodes_and_elements(nodes: str, elements: str) -> None:
     tables = mat._with_structures({nodes: POINTS, elements: CELLS, "other": 3})
     assert mat._of(tables[0], mat.NODES) is POINTS
     assert mat._of(tables[0], mat.ELEMENTS) is CELLS
+    inner = mat._with_structures({"first": 3, "Mesh": {nodes: POINTS, elements: CELLS}})  # as HDF5 has it
+    assert mat._of(inner[0], mat.NODES) is None
+    assert mat._of(inner[1], mat.NODES) is POINTS
 
 
 def test_structures_regions_and_names_of_matlab(tmp_path: Path) -> None:
@@ -203,6 +206,8 @@ def test_data_and_names_of_ugrid(monkeypatch: pytest.MonkeyPatch) -> None:
     assert listed(of_ugrid(monkeypatch, variables(region=some)).regions) == [(2, "two", [0]), (3, None, [1])]
     more_words = Variable(np.array([2, 7]), ("face",), flags | {"flag_meanings": "a b c"})
     assert listed(of_ugrid(monkeypatch, variables(region=more_words)).regions) == [(2, None, [0]), (7, None, [1])]
+    deep = Variable(np.array(0), (), attributes(node_coordinates="x y y"))
+    assert of_ugrid(monkeypatch, variables(mesh=deep)).points.shape == (5, 2)
     second = variables(mesh2=Variable(np.array(0), (), attributes(node_coordinates="y x")))
     record = of_ugrid(monkeypatch, second)
     assert record.notes == ["it has 2 meshes of faces, of which the first is read"]
@@ -337,7 +342,7 @@ def test_cells_of_med(kind: str, corners: int, n: int) -> None:
 
 def test_groups_of_med() -> None:
     """Families have several groups; a group of nodes called as one of cells or edges is that one."""
-    names = {-1: [b"a" + b"\0" * 9, b"b"], -2: [np.array([98, 0, 99])], -3: [], -4: [b"e", b"f "],
+    names = {-1: [b"a" + b"\0" * 9, b"b"], -2: [np.array([98, 0, 99])], -3: [], -4: [b"e", b"f\xf6 "],
              5: [b"tip", b"a"], 6: [b"tip"]}  # fmt: skip
     cells = {
         "TR3": of([1, 4, 2, 5, 3, 6], [-1, -2]), "POG": of([1, 2, 3, 4, 7, 8, 9], [-2, 0], [1, 5, 8]),
@@ -348,7 +353,7 @@ def test_groups_of_med() -> None:
     assert loops(record) == [[0, 1, 2], [3, 4, 5], [0, 1, 2, 3], [6, 7, 8], [0, 1, 2]]
     assert record.middles.tolist() == [3, 4, 5, 8, 9]
     assert listed(record.regions) == [(None, "b", [1, 2, 0]), (None, "a", [0])]
-    assert listed(record.edges) == [(None, "e", [[0, 1], [4, 5]]), (None, "f", [[0, 1], [4, 5]])]
+    assert listed(record.edges) == [(None, "e", [[0, 1], [4, 5]]), (None, "f\ufffd", [[0, 1], [4, 5]])]
     assert listed(record.nodes) == [(None, "tip", [3, 2, 9])]
     assert record.notes == ["it has the meshes m, n, of which the first is read"]
     bare = Folder({"ENS_MAA": med_file({"TR3": of([1, 2, 3])})["ENS_MAA"]})

@@ -13,7 +13,7 @@ import pytest
 
 from tmc_vem.mesh.files import io, isolated, obj, off
 from tmc_vem.mesh.files.assemble import assemble
-from tmc_vem.mesh.files.cell_data import add_groups, quoted, unquoted
+from tmc_vem.mesh.files.cell_data import add_groups, quoted, unquoted, whole_numbers
 from tmc_vem.mesh.files.record import DECLARED, IMPLIED, Group, Reading, Record
 from tmc_vem.mesh.files.regions import regions_of
 from tmc_vem.mesh.files.text import lines_of, shown_line, text_of
@@ -301,6 +301,11 @@ def test_data_that_may_tell_regions_is_offered(values: Any, n_cells: int, offere
     assert with_data({"a": values, "region:b": [1] * len(values)}, n=n_cells).notes == []
 
 
+def test_no_numbers_are_none() -> None:
+    assert whole_numbers(np.empty(0), "a").shape == (0,)
+    assert whole_numbers(np.array([[2.0], [3.0]]), "a").tolist() == [2, 3]
+
+
 def test_quoted_names() -> None:
     every = "".join(map(chr, range(33, 127)))
     assert quoted(every) == every.translate({ord(ch): f"%{ord(ch):02X}" for ch in '%"<>&'})
@@ -349,6 +354,7 @@ def test_obj(tmp_path: Path) -> None:
         (("# region b\n# region none\ng a\n", "g b\n"), [("b", None, [1]), ("a", None, [0])]),
     ):  # fmt: skip
         assert listed(of_text(obj, text.format(*words), tmp_path).regions) == regions
+    assert [loop.tolist() for loop in of_text(obj, "v 0 \\\n0\nf 1 \\\n1 1\n", tmp_path).loops] == [[0, 0, 0]]
     marks = (
         "# point 2 tip of\n# point x y\n# edges 1-2,4-3 low %41\n# edges 1 few\n# edges 1-2-3 odd\n# regions no\n"
         "#point 1 n\n"

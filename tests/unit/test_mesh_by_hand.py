@@ -306,6 +306,15 @@ def test_interface_by_hand() -> None:
     assert seen.point_nx[2].tolist() == [1, 1]
     assert seen.distance_n[[0, 2]] == pytest.approx([0.0, math.hypot(0.5, 1.0)])
     assert seen.side_n[3] == s  # behind the other
+    beyond = found.seen(np.array([[1.0, 3.0]]))  # on the line of a side
+    assert (beyond.side_n[0], beyond.distance_n[0]) == (s, 2.0)
+    large = PolygonMesh(3.0 * mesh.points_vx, mesh.cell_offsets, mesh.cell_vertices, validate=False,
+                        region_c=mesh.region_c, region_names=mesh.region_names)  # fmt: skip
+    wide = interface(large, MEDIUM)
+    assert wide.normal_sx.tolist() == found.normal_sx.tolist()
+    slanted = np.array([[[0.8, 0.6]]])  # the way to the side has the cosine 0.8 with it, and 1 with the side's normal
+    for facing, opposite, side in ((0.79, 0.99, 1 - s), (0.81, 0.5, -1), (0.5, 0.99, 1 - s)):
+        assert wide.nearest(np.array([[4.0, 1.5]]), slanted, facing, opposite).side_n[0] == side
     assert body_numbers(mesh, ~MEDIUM).tolist() == [0, -1, -1, 1]
     assert body_numbers(mesh, MEDIUM).tolist() == [-1, 0, 0, -1]
     chains = [chain.tolist() for chain in free_chains(mesh, MEDIUM)]
