@@ -18,6 +18,7 @@ Data = Mapping[str, NDArray[np.generic]]
 ORDER, REGION, POINT, EDGES = "cell_number", "region:", "point:", "edges:"
 # Cell data that are regions' numbers; the first that is there counts.
 REGION_DATA = ("gmsh:physical", "region", "MaterialIds")
+NONE = np.empty(0, dtype=np.int64)
 
 
 def quoted(name: str) -> str:
@@ -32,17 +33,18 @@ def unquoted(name: str) -> str:
 
 
 def add_groups(
-    record: Record, data: Data, cells: Int, edges: tuple[Int, Int], nodes: tuple[Int, Int], region_data: str | None
-) -> None:
+    record: Record, data: Data, cells: Int, region_data: str | None, edges: tuple[Int, Int] = (NONE, NONE),
+    nodes: tuple[Int, Int] = (NONE, NONE),
+) -> None:  # fmt: skip
     """Put cells in order and into the groups that arrays tell.
 
     Args:
         record: has cells; gets groups.
         data: arrays by name, a value for every entry of the file.
         cells: entry of every cell.
+        region_data: array to take regions from, or None for the usual ones.
         edges: entries of edges, and their nodes (n, 2).
         nodes: entries of single nodes, and these.
-        region_data: array to take regions from, or None for the usual ones.
 
     Raises:
         InputError: the array is not there, or its values are not whole numbers.

@@ -49,7 +49,7 @@ def read(path: Path, reading: Reading) -> Record:
     finally:
         gmsh.logger.stop()
         gmsh.finalize()
-    record.notes[:0] = notes
+    record.notes += notes
     return record
 
 

@@ -52,7 +52,7 @@ def keywords_of(path: Path, depth: int = 0) -> Iterator[Keyword]:
             if line.endswith(","):  # a keyword line goes on
                 before += line
                 continue
-            if current is not None and not before:
+            if current is not None:
                 yield from _finished(current, path, depth)
             current = _keyword(before + line, f"line {n}" if depth == 0 else f"{path.name}, line {n}")
             before = ""

@@ -21,7 +21,6 @@ Int = NDArray[np.int64]
 
 NODES = ("node", "nodes", "vertices", "coordinates", "points", "p")
 ELEMENTS = ("element", "elements", "elem", "elems", "cells", "faces", "connectivity", "t")
-NONE = np.empty(0, dtype=np.int64)
 
 
 def read(path: Path, reading: Reading) -> Record:
@@ -47,8 +46,7 @@ def read(path: Path, reading: Reading) -> Record:
         for name, values in chosen.items()
         if np.asarray(values).dtype.kind in "iufb" and np.size(values) == n and values is not nodes
     }
-    edges, singles = (NONE, np.empty((0, 2), dtype=np.int64)), (NONE, NONE)
-    add_groups(record, data, np.arange(n), edges, singles, reading.region_data)
+    add_groups(record, data, np.arange(n), reading.region_data)
     _own_names(record, chosen)
     return record
 

@@ -10,13 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.mesh.files.cell_data import add_groups, unquoted
+from tmc_vem.mesh.files.cell_data import NONE, add_groups, unquoted
 from tmc_vem.mesh.files.netcdf import Variable, variables_of
 from tmc_vem.mesh.files.record import Group, Reading, Record
 from tmc_vem.support.errors import InputError
 
 Int = NDArray[np.int64]
-NONE = np.empty(0, dtype=np.int64)
 
 
 def read(path: Path, reading: Reading) -> Record:
@@ -49,8 +48,7 @@ def read(path: Path, reading: Reading) -> Record:
         for name, v in variables.items()
         if v.dimensions == (faces,) and v.values.dtype.kind in "iuf" and v is not table
     }
-    edges, singles = (NONE, np.empty((0, 2), dtype=np.int64)), (NONE, NONE)
-    add_groups(record, data, np.arange(len(record.loops)), edges, singles, reading.region_data)
+    add_groups(record, data, np.arange(len(record.loops)), reading.region_data)
     _own_names(record, variables)
     return record
 

@@ -163,7 +163,7 @@ class _Parser:
         end = len(self.content) if end < 0 else end
         line = self.content[self.at : end]
         self.at = end + 1
-        return line.decode("utf-8", "replace").rstrip("\r")
+        return line.decode(errors="replace")
 
     def _words(self) -> list[str]:
         """Words of the next line that has any; none at the end."""
@@ -201,8 +201,6 @@ class _Parser:
         if kind.lower() in ("string", "variant"):
             for _ in range(n):
                 self._pass_text()
-            if self.binary and self.content[self.at : self.at + 1] == b"\n":
-                self.at += 1
             return np.zeros(n)
         if name is None:
             raise InputError(f"the type '{kind}' of an array is not known")
@@ -216,9 +214,7 @@ class _Parser:
                 raise InputError(
                     f"{n} numbers are announced and {len(data) // dtype.itemsize} are there: it is cut off"
                 )
-            self.at += len(data)
-            if self.content[self.at : self.at + 1] == b"\n":
-                self.at += 1
+            self.at += len(data)  # words follow, on a line of their own
             return np.frombuffer(data, dtype).astype(dtype.newbyteorder("="))
         words: list[str] = []
         while len(words) < n and self.at < len(self.content):

@@ -127,9 +127,9 @@ def to_record(cells: VtkCells, reading: Reading) -> Record:
     refuse_kinds(unknown, solids)
     record = Record(cells.points, loops, middles=np.unique(np.concatenate([*middles, np.empty(0, dtype=np.int64)])))
     add_groups(
-        record, _one_a_cell(cells.data), np.array(owners, dtype=np.int64),
+        record, _one_a_cell(cells.data), np.array(owners, dtype=np.int64), reading.region_data,
         (np.array(pair_owners, dtype=np.int64), np.array(pairs, dtype=np.int64).reshape(-1, 2)),
-        (np.array(single_owners, dtype=np.int64), np.array(singles, dtype=np.int64)), reading.region_data,
+        (np.array(single_owners, dtype=np.int64), np.array(singles, dtype=np.int64)),
     )  # fmt: skip
     return record
 

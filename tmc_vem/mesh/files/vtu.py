@@ -229,8 +229,6 @@ def _whole(values: Array, name: str) -> NDArray[np.int64]:
 def _joined(pieces: list[VtkCells]) -> VtkCells:
     """Pieces as one; points that several have stay apart."""
     first = pieces[0]
-    if len(pieces) == 1:
-        return first
     starts = np.cumsum([0, *(len(piece.points) for piece in pieces)])
     entries = np.cumsum([0, *(len(piece.connectivity) for piece in pieces)])
     common = [name for name in first.data if all(name in piece.data for piece in pieces)]

@@ -53,10 +53,9 @@ def _msh(mesh: PolygonMesh, path: Path) -> None:
     for n_sides, cells, vertices_cv in _runs(mesh):
         blocks.append(({3: "triangle", 4: "quad"}[n_sides], vertices_cv))
         groups.append((mesh.region_c[cells] + 1).astype(np.int32))
-    names = {name: [n + 1, 2] for n, name in enumerate(mesh.region_names)}
     lines = list(mesh.named_edges.items())
     points = [(name, np.array([[vertex]])) for name, vertex in mesh.named_points.items()]
-    field_data = list(names.items())
+    field_data = [(name, [n + 1, 2]) for n, name in enumerate(mesh.region_names)]
     for kind, dimension, members in (("line", 1, lines), ("vertex", 0, points)):
         for name, nodes in members:
             field_data.append((name, [len(field_data) + 1, dimension]))
@@ -64,24 +63,21 @@ def _msh(mesh: PolygonMesh, path: Path) -> None:
             groups.append(np.full(len(nodes), len(field_data), dtype=np.int32))
     data = meshio.Mesh(
         _in_space(mesh), blocks, cell_data={"gmsh:physical": groups, "gmsh:geometrical": groups},
-        field_data=_Names((name, np.array(group)) for name, group in field_data),
+        field_data={_Name(name): np.array(group) for name, group in field_data},
     )  # fmt: skip
     meshio.write(path, data, file_format="gmsh22", binary=True)
 
 
-class _Names(dict[str, Any]):
-    """Names with values, of which several may be equal: an edge may be called as a region is."""
+class _Name(str):
+    """A name that is equal to itself only: an edge may be called as a region is."""
 
-    def __init__(self, pairs: Iterator[tuple[str, Any]]) -> None:
-        self.pairs = list(pairs)
-        super().__init__(self.pairs)
+    __slots__ = ()
 
-    def __len__(self) -> int:
-        return len(self.pairs)
+    def __eq__(self, other: object) -> bool:
+        return self is other
 
-    def items(self) -> Any:
-        """All pairs."""
-        return self.pairs
+    def __hash__(self) -> int:
+        return id(self)
 
 
 def _vtk(mesh: PolygonMesh, path: Path) -> None:
@@ -164,7 +160,7 @@ def _obj(mesh: PolygonMesh, path: Path) -> None:
     for name, pairs in mesh.named_edges.items():
         lines.append(f"# edges {','.join(f'{a}-{b}' for a, b in (pairs + 1).tolist())} {said(name)}")
     lines += [f"v {x!r} {y!r} 0" for x, y in mesh.points_vx.tolist()]
-    current = -1
+    current: int | None = None
     for loop, region in zip(mesh.cells(), mesh.region_c.tolist(), strict=True):
         if region != current:
             lines.append(f"g {said(mesh.region_names[region])}")

@@ -64,6 +64,6 @@ def _region_at(regions: Sequence[Region], point: Float) -> str:
     import shapely
 
     for region in regions:
-        if shapely.contains_xy(region.polygon(), *point):
+        if shapely.intersects_xy(region.polygon(), *point):
             return f"region '{region.name}'"
     return "the gap between regions"

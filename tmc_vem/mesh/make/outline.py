@@ -227,7 +227,7 @@ def make_skeleton(regions: Sequence[Region], size: Size, points: Mapping[str, Po
                     f"named point '{name}' at ({place[0]:.12g}, {place[1]:.12g}) is on no region's outline: the "
                     f"nearest place on one is ({x:.12g}, {y:.12g})"
                 )
-            place = min([(x, y), nearest.start, nearest.end], key=lambda p: math.dist(p, place) > 2.0 * distance)
+            place = min([nearest.start, nearest.end, (x, y)], key=lambda p: math.dist(p, place) > 2.0 * distance)
         names[name] = corners.number(place)
 
     pieces: dict[tuple[int, int, float, float], Curve] = {}

@@ -44,7 +44,7 @@ def refine(mesh: PolygonMesh, marked: Int | Sequence[int] | NDArray[np.bool_], *
     if max_hanging < 1:
         raise InputError(f"max_hanging = {max_hanging}: a refined cell leaves one hanging node, use 1 or more")
     mask = np.zeros(mesh.n_cells, dtype=bool)
-    chosen = np.asarray(marked)
+    chosen = np.asarray(marked) if len(marked) else np.empty(0, dtype=np.int64)
     if chosen.dtype != np.bool_ and len(chosen) and not (chosen.min() >= 0 and chosen.max() < mesh.n_cells):
         raise InputError(
             f"cells {chosen.min()} to {chosen.max()} are marked, but cells run from 0 to {mesh.n_cells - 1}"
