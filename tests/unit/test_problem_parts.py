@@ -133,7 +133,8 @@ def test_cells_of_the_punch(y: float, size: float) -> None:
 def test_lines_of_the_refined_medium_begin_and_end_at_the_wall() -> None:
     lines = np.linspace(0.0, 2.0, 21)
     assert _divided(lines, 0.1, 2) == pytest.approx(np.linspace(0.1, 1.9, 37))
-    assert _divided(lines, 0.1 * (1 + 1e-12), 1) == pytest.approx(lines[1:-1])
+    assert _divided(lines, 0.1 * (1 + 5e-10), 1) == pytest.approx(lines[1:-1])  # up to rounding
+    assert _divided(lines, 0.1 * (1 + 5e-9), 1) == pytest.approx(lines[2:-2])
     assert _divided(lines, 0.2, 3) == pytest.approx(np.linspace(0.2, 1.8, 49))
 
 
