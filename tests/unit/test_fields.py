@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,12 @@ from helpers_ranks import Ranks
 
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.vtk_types import cell_types, from_vtk, to_vtk
+from tmc_vem.system.constrained import Constrained
+from tmc_vem.system.constraints import Prescribed, is_called
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Evaluation, RegionValues
 from tmc_vem.system.fields import Fields, Polygons, units_label, write_pvd, write_pvtu
+from tmc_vem.system.interior_penalty import require_weights
 from tmc_vem.system.layout import DISPLACEMENT, NodeLayout
 from tmc_vem.system.reduction import Shares, in_order
 
@@ -147,3 +151,31 @@ def test_values_in_the_order_of_names() -> None:
     with pytest.raises(InputError, match=r"^the mesh has no named point 'c'$"):
         in_order(("a", "c"), found)
     assert Control(0.5) == Control(0.5, {})
+
+
+# -- conditions ------------------------------------------------------------------------------------------------------
+
+
+def test_points_of_a_group_go_by_its_name() -> None:
+    named = {("a", "a"): True, ("a#1", "a"): True, ("a#12", "a"): True, ("a#x", "a"): False, ("b#1", "a"): False,
+             ("a1", "a"): False, ("1", "a"): False, ("a#", "a"): False, ("a#1", "a#1"): True}  # fmt: skip
+    assert {pair: is_called(*pair) for pair in named} == named
+
+
+def test_prescribed_degrees_of_freedom() -> None:
+    """Where two conditions meet the last one holds; nodes that a rank has not are left out."""
+    nodes = {"a": np.array([4, 1]), "b": np.array([1, 2])}
+    conditions = (Prescribed("a", 1, 0.5), Prescribed("b", 0, 2.0), Prescribed("b", 1, 3.0))
+    found = Constrained.of(conditions, nodes.__getitem__)
+    assert (found.dofs.tolist(), found.condition_d.tolist()) == ([2, 3, 4, 5, 9], [1, 2, 1, 2, 0])
+    assert found.at(Control(0.5)).tolist() == [1.0, 1.5, 1.0, 1.5, 0.25]
+    assert found.per_load(Control(0.5)).tolist() == [2.0, 3.0, 2.0, 3.0, 0.5]
+    other = found.renumbered(np.array([0, 7, -1, 5, 6]))
+    assert (other.dofs.tolist(), other.condition_d.tolist()) == ([14, 15, 13], [1, 2, 0])
+    assert other.prescribed == conditions
+    with pytest.raises(InputError) as caught:
+        require_weights("m", SimpleNamespace(name="mine", parameter_names=("gamma",)))  # type: ignore[arg-type]
+    assert str(caught.value) == (
+        "region 'm': the interior penalty is weighted by gamma and alpha_r, but energy 'mine' has no parameter "
+        "'alpha_r'; use interior penalty 'none'"
+    )

@@ -106,6 +106,20 @@ def test_conditions_of_discs() -> None:
     assert (guided.hold, free.hold) == (None, "medium")
 
 
+@pytest.mark.parametrize(
+    ("problem", "conditions"),
+    [
+        (Box(cells=(20, 5)), ["support_left 0", "support_left 1", "support_right 1", "load 1"]),
+        (CBox(), ["left 0", "left 1", "load 1"]),
+        (Punch(), ["bottom 0", "bottom 1", "axis 0", "top 1"]),
+        (Bodies(), ["left 0", "left 1", "upper 1", "lower 1", "right 0", "right 1", "upper 0", "lower 0"]),
+        (Bodies(case=2), ["left 0", "left 1", "upper 1", "lower 1", "right_corner 1"]),
+    ],
+)
+def test_conditions_in_the_order_in_which_messages_name_them(problem: Any, conditions: list[str]) -> None:
+    assert [f"{condition.where} {condition.component}" for condition in problem.prescribed()] == conditions
+
+
 def test_the_mesh_below_and_above_the_beam_is_medium() -> None:
     """Two half discs, one on each side: areas by region and side."""
     bodies = Bodies(discs=2, length=3.0, size=0.1)

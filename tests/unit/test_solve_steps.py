@@ -425,3 +425,43 @@ def test_steps_of_a_straight_branch() -> None:
     assert steps[-1].load == 1.0
     result, steps = along(Spring(), first=0.1, largest=0.4, max_steps=3)
     assert (result.reason, len(steps)) == ("the branch was followed for 3 steps", 3)
+
+
+# -- what is prescribed, whatever the predictor says -----------------------------------------------------------------
+
+
+class Curved(Spring):
+    """What is prescribed is no polynomial of the load, so that extrapolations miss it."""
+
+    def prescribed(self, position: Control) -> Any:
+        return np.array([math.expm1(position.load)])
+
+    def prescribed_per_load(self, position: Control) -> Any:
+        return np.array([math.exp(position.load)])
+
+
+def test_states_have_what_is_prescribed_exactly() -> None:
+    for make in (LoadStepper, ArcLengthStepper):
+        system, seen = Curved(), list[tuple[float, float]]()
+
+        def keep(step: Any, states: States, _: Any, seen: list[tuple[float, float]] = seen) -> None:
+            seen.append((step.load, float(states.vectors[-1].getArray(readonly=True)[1])))
+
+        options: Any = SteppingOptions(steps=6) if make is LoadStepper else ArcOptions(first=0.2, largest=0.4)
+        stepper: Any = make(NewtonSolver(system), options, keep)
+        assert stepper.run(system.create_vector()).complete
+        assert [d for _, d in seen] == [math.expm1(load) for load, _ in seen]
+
+
+def test_looking_for_another_branch_leaves_the_state_as_it_is() -> None:
+    system = Spring(
+        lambda x, d: 0.5 * (d - x) ** 2 + x**4 / 4, lambda x, d: (x - d + x**3, d - x), 
+        lambda x, d: (1 + 3 * x * x, -1, 1),
+    )  # fmt: skip
+    stepper = LoadStepper(NewtonSolver(system))
+    u, trial = at(0.25, 0.5), at(0.0, 0.0)
+    found = stepper._other_branch(u, trial, 0.5, 0.75)
+    assert (found.result.reason, found.far) == ("converged", True)
+    assert u.getArray().tolist() == [0.25, 0.5]
+    x, d = trial.getArray().tolist()
+    assert (d, x + x**3) == (0.75, pytest.approx(0.75))

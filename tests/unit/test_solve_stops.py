@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from helpers_spring import Admission, Refusal, Spring, at
 from mpi4py import MPI
 
+from tmc_vem.solve import factor, packages
 from tmc_vem.solve.budget import OutOfBudget
+from tmc_vem.solve.factor import FactorState
 from tmc_vem.solve.linear import LinearSolver
 from tmc_vem.solve.newton import NewtonOptions, NewtonResult, NewtonSolver
 from tmc_vem.support.errors import InputError
@@ -316,3 +319,71 @@ def test_an_iterative_solver_that_gives_up_says_after_how_many_iterations(tmp_pa
         " (linear solver: DIVERGED_MAX_IT after 1 iterations; --solver direct has no such limit)"
     )
     assert (solver.iterations, solver.negative_pivots()) == (1, None)
+
+
+# -- factorisations --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("state", "failed", "lacks_memory", "said"),
+    [
+        (FactorState(0, 0, 3, 0, 20), False, False, ""),
+        (FactorState(-9, 5, 0, 0, 20), True, True,
+         "MUMPS ran out of work space, INFOG(1) = -9, with 20 % more memory than it estimated; a coarser mesh, more "
+         "ranks or --solver iterative need less"),
+        (FactorState(-13, 5, 0, 0, 20), True, True,
+         "there is no memory for the factors, INFOG(1) = -13: 5 numbers asked for; a coarser mesh, more ranks on more "
+         "machines or --solver iterative need less"),
+        (FactorState(-19, -5, 0, 0, 20), True, True,
+         "there is no memory for the factors, INFOG(1) = -19: 5 million numbers asked for; a coarser mesh, more ranks "
+         "on more machines or --solver iterative need less"),
+        (FactorState(-10, 5, 0, 0, 20), True, False,
+         "the tangent is singular, INFOG(1) = -10: something can move freely"),
+        (FactorState(-6, 5, 0, 0, 20), True, False, "MUMPS failed, INFOG(1) = -6, INFOG(2) = 5"),
+        (FactorState(0, 0, 0, 2, 20), False, False,
+         "the tangent is singular (2 null pivots): something can move freely"),
+    ],
+)  # fmt: skip
+def test_what_a_factorisation_says(state: FactorState, failed: bool, lacks_memory: bool, said: str) -> None:
+    assert (state.failed, state.lacks_memory, state.complaint()) == (failed, lacks_memory, said)
+
+
+@pytest.mark.parametrize("wanted", [None, "35"])
+def test_work_space_is_asked_for_and_the_user_s_put_back(wanted: str | None) -> None:
+    database, name, seen = PETSc.Options(), "odd_mat_mumps_icntl_14", list[Any]()
+    ksp: Any = SimpleNamespace(
+        getOptionsPrefix=lambda: "odd_", getOperators=lambda: ("A", "P"), getPC=lambda: SimpleNamespace(reset=list),
+        setOperators=lambda *given: seen.append(given), setUp=lambda: seen.append(database.getString(name)),
+    )  # fmt: skip
+    if wanted:
+        database.setValue(name, wanted)
+    try:
+        factor._forget(ksp, 70)
+        assert seen == [("A", "P"), "70"]
+        assert database.getAll() == ({name: wanted} if wanted else {})
+    finally:
+        database.delValue(name)
+
+
+def test_work_space_doubles_until_it_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    states = [FactorState(-9, 0, 0, 0, space) for space in (20, 50, 100)] + [FactorState(0, 0, 0, 0, 200)]
+    monkeypatch.setattr(factor, "_forget", lambda ksp, space: asked.append(space))
+    monkeypatch.setattr(factor, "factor_state", lambda pc: states[min(len(asked), 3)])
+    ksp: Any = SimpleNamespace(getPC=lambda: SimpleNamespace(getType=lambda: "cholesky"), setUp=lambda: None)
+    factor.factorise(ksp, None)
+    assert asked == [50, 100, 200]
+    asked.clear()
+    factor.factorise(ksp, FactorState(-9, 0, 0, 0, 35))  # after a failure with what was enough then
+    assert asked == [35, 100, 200]
+
+
+def test_what_petsc_is_built_with_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    there: set[str] = set()
+    monkeypatch.setattr(packages, "has", there.__contains__)
+    names = ("mumps", "superlu_dist", "metis", "parmetis", "ptscotch", "ml", "hypre")
+    assert packages.described() == f"none but its own; without {', '.join(names)}"
+    there |= {"mumps", "ml"}
+    assert packages.described() == "mumps, ml; without superlu_dist, metis, parmetis, ptscotch, hypre"
+    there |= set(names)
+    assert packages.described() == ", ".join(names)
