@@ -455,7 +455,7 @@ def test_states_have_what_is_prescribed_exactly() -> None:
 
 def test_looking_for_another_branch_leaves_the_state_as_it_is() -> None:
     system = Spring(
-        lambda x, d: 0.5 * (d - x) ** 2 + x**4 / 4, lambda x, d: (x - d + x**3, d - x), 
+        lambda x, d: 0.5 * (d - x) ** 2 + x**4 / 4, lambda x, d: (x - d + x**3, d - x),
         lambda x, d: (1 + 3 * x * x, -1, 1),
     )  # fmt: skip
     stepper = LoadStepper(NewtonSolver(system))
