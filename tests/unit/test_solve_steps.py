@@ -465,3 +465,14 @@ def test_looking_for_another_branch_leaves_the_state_as_it_is() -> None:
     assert u.getArray().tolist() == [0.25, 0.5]
     x, d = trial.getArray().tolist()
     assert (d, x + x**3) == (0.75, pytest.approx(0.75))
+
+
+def test_the_direction_of_a_branch_is_that_at_its_last_load() -> None:
+    """Not at its length so far, where what is prescribed changes faster."""
+    system, loads, asked = Curved(), [0.0], list[float]()
+    solver = NewtonSolver(system)
+    real = solver.per_load
+    solver.per_load = lambda u, position, out: (asked.append(position.load), real(u, position, out))[1]  # type: ignore[method-assign]
+    stepper = ArcLengthStepper(solver, ArcOptions(first=0.2, largest=0.4), lambda step, *_: loads.append(step.load))
+    assert stepper.run(system.create_vector()).complete
+    assert set(loads[1:-1]) <= set(asked)
