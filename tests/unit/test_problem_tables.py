@@ -12,7 +12,8 @@ import pytest
 
 from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.parts import with_names
-from tmc_vem.problems import Material
+from tmc_vem.problems import Material, Medium
+from tmc_vem.problems.base import medium_region, solid_region
 from tmc_vem.problems.description import (
     HUGE,
     STEEPEST,
@@ -269,3 +270,94 @@ def test_edges_that_are_described() -> None:
     assert middles(circle=(1.25, 0.0, 0.25)) == [(1.25, 0.0)]
     refused("edges: e: there is no region 'c' (there are: outside, a, b)", middles, between=("a", "c"))
     refused("edges: e: no edge of an outline or interface is there", middles, line=((0.5, 0.5), (0.5, 1.0)))
+
+
+# -- materials and media ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Material(0.0, 1.0), "K = 0 must be a positive number: the bulk modulus, 20 for the box of the paper"),
+        (lambda: Material(1.0, -1.0),
+         "mu = -1 must be a positive number: the shear modulus, 10 for the box of the paper"),
+        (lambda: Medium(gamma=0.0),
+         "gamma = 0 must be a positive number: the medium's stiffness relative to the solid, try 1e-5"),
+        (lambda: Medium(alpha_r=0.0), "alpha_r = 0 must be a positive number: the weight of the regulariser, try 1"),
+        (lambda: Medium(alpha=0.0),
+         "alpha = 0 must be a positive number: alpha_r / (mu h^2) with the gap's width h, try 2.5"),
+        (lambda: Medium(alpha=1.0, alpha_r=2.0),
+         "alpha = 1 and alpha_r = 2 say one thing in two ways, alpha_r = alpha mu h^2: give one"),
+        (lambda: Medium(beta=-0.1),
+         "beta = -0.1 must not be negative: 5 damps as in the paper, 0 switches damping off"),
+        (lambda: Medium(beta=math.inf),
+         "beta = inf must not be negative: 5 damps as in the paper, 0 switches damping off"),
+        (lambda: Medium(beta=0.0), None),
+        (lambda: Medium(parameters={"k": 1.0}), "regulariser 'huhu_lulu' takes no parameters; given: k"),
+        (lambda: Medium(regulariser=odd), "regulariser 'odd' needs a value for k: --param k=..."),
+        (lambda: Medium(regulariser=odd, parameters={"k": 1.0}), None),
+        (lambda: Medium(alpha=1.0).weight(1.0, None),
+         "alpha = 1 needs the width h of the gap: give it, or alpha_r instead"),
+        (lambda: Medium(alpha=1.0).weight(1.0, 0.0),
+         "h = 0 must be a positive number: the initial width of the gap, a length"),
+        (lambda: solid_region(STEEL, "glue"),
+         "unknown hold 'glue': choose one of medium; leave it out for a body that supports hold"),
+        (lambda: replace(medium_region(Medium(), 1.0), hold="medium"),
+         "hold is for solids: a medium hangs on what is around it"),
+    ],
+)  # fmt: skip
+def test_limits_of_materials(make: Any, message: str | None) -> None:
+    if message is None:
+        make()
+    else:
+        refused(message, make)
+
+
+def odd(F: Any, G: Any, p: Any, m: Any) -> Any:
+    """A regulariser of one's own."""
+    return p.k * G[0][0][0] ** 2
+
+
+vars(odd)["declared"] = {"parameters": {"k": None}}
+
+
+def test_media_as_their_regions_have_them() -> None:
+    plain = medium_region(Medium(gamma=1e-4, alpha_r=2.0, beta=3.0), 5.0)
+    assert (dict(plain.values), plain.is_medium, plain.hold) == (
+        {"mu": 5.0, "gamma": 1e-4, "alpha_r": 2.0, "beta": 3.0}, True, None,
+    )  # fmt: skip
+    own = medium_region(Medium(alpha=2.0, beta=0.0, regulariser=odd, parameters={"k": 7.0}), 5.0, 0.5)
+    assert dict(own.values) == {"mu": 5.0, "gamma": 1e-5, "alpha_r": 2.5, "beta": 0.0, "k": 7.0}
+    assert "damped" not in own.energy.name
+    assert "damped" in plain.energy.name
+    assert Medium(alpha=2.0, regulariser=odd, parameters={"k": 7.0}, energy="balanced").as_dict(5.0, 0.5) == {
+        "gamma": 1e-5, "alpha_r": 2.5, "alpha": 2.0, "h": 0.5, "beta": 5.0, "energy": "balanced", "regulariser": "odd",
+        "parameters": {"k": 7.0},
+    }  # fmt: skip
+    assert Medium(alpha=2.0).as_dict() == {"gamma": 1e-5, "alpha": 2.0, "beta": 5.0, "regulariser": "huhu_lulu"}
+    assert Medium().as_dict() == {"gamma": 1e-5, "alpha_r": 1.0, "beta": 5.0, "regulariser": "huhu_lulu"}
+    assert own.integrand.parameter_names == own.energy.parameters
+
+
+def test_a_medium_of_a_description_takes_what_it_lacks_from_the_rest() -> None:
+    """mu of the only solid, h of the gap, alpha_r of both."""
+
+    def medium(given: MediumTable, solids: tuple[Material, ...] = (STEEL,), **more: Any) -> Any:
+        regions = {f"s{n}": RegionTable(solid=solid) for n, solid in enumerate(solids)}
+        described = table(regions={**regions, "m": RegionTable(medium=given)}, **more)
+        return OwnProblem(described).regions()["m"].values
+
+    assert medium(MediumTable(gamma=1e-3))["mu"] == 10.0
+    assert medium(MediumTable(mu=3.0), (STEEL, Material(1.0, 2.0)))["mu"] == 3.0
+    assert medium(MediumTable(), (STEEL, STEEL))["mu"] == 10.0
+    places = {"points": {"a": (0.0, 3.0)}, "gap": ("a", (4.0, 0.0))}
+    assert medium(MediumTable(alpha=2.0), **places)["alpha_r"] == pytest.approx(2.0 * 10.0 * 25.0)
+    assert medium(MediumTable(alpha=2.0, h=0.5), **places)["alpha_r"] == pytest.approx(2.0 * 10.0 * 0.25)
+    said = "regions: m: medium lacks 'mu': the solids have several shear moduli or none, so say which"
+    refused(said, medium, MediumTable(), (STEEL, Material(1.0, 2.0)))
+    refused(said, medium, MediumTable(), ())
+    refused(
+        'regions: m: alpha = 2 needs the width of the gap: name two points, gap = ["...", "..."], or give the width '
+        "itself, h = ...",
+        medium, MediumTable(alpha=2.0),
+    )  # fmt: skip
