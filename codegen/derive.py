@@ -94,13 +94,16 @@ def with_det_as_variable(expression: SymExpr) -> SymExpr:
     if not isinstance(expression, sp.Add):
         return expression
     coefficients: dict[SymExpr, SymExpr] = {}
+    others: list[SymExpr] = []
     for term in expression.args:
         coefficient, rest = term.as_independent(F11, F22, F12, F21, as_Add=False)
         coefficients[rest] = coefficients.get(rest, 0) + coefficient
+        if rest not in (F11 * F22, F12 * F21):
+            others.append(term)
     c = coefficients.get(F11 * F22)
     if c is None or coefficients.get(F12 * F21) != -c:
         return expression
-    return expression - c * (F11 * F22 - F12 * F21) + c * J
+    return sp.Add(*others, c * J)
 
 
 def differentiate(traced: TracedEnergy) -> DerivedEnergy:

@@ -53,6 +53,19 @@ def test_mpi_comes_first() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+def test_names_and_modules_of_the_results_are_found_in_any_order() -> None:
+    """In a process that has imported nothing else: the package must not ask itself for them for ever."""
+    code = "from tmc_vem.results import export, RunResult, StepRecord, unfinished; import tmc_vem.results as results; "
+    code += "print(export.__name__, RunResult.__name__, StepRecord.__name__, unfinished.__name__, results.HISTORY)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    wanted = "tmc_vem.results.export RunResult StepRecord tmc_vem.results.unfinished history.csv\n"
+    assert (done.stdout, done.stderr) == (wanted, "")
+    missing = subprocess.run(
+        [sys.executable, "-c", "import tmc_vem.results as r; r.nothing"], capture_output=True, text=True
+    )
+    assert missing.stderr.endswith("AttributeError: module 'tmc_vem.results' has no attribute 'nothing'\n")
+
+
 def test_importing_the_package_loads_nothing_heavy() -> None:
     code = "import sys, tmc_vem, tmc_vem.energy, tmc_vem.cli.main, tmc_vem.cli.run; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()

@@ -223,3 +223,129 @@ def test_a_run_has_all_of_its_media_judged(monkeypatch: pytest.MonkeyPatch) -> N
     run(problem)
     assert list(seen[0].media) == ["medium", "medium b"] == media_of(problem)
     assert set(seen[0].history[-1].energy) == {"solid", "medium", "medium b"}
+
+
+# -- limits, and all that is said ------------------------------------------------------------------------------------
+
+
+def texts(*history: StepRecord, complete: bool = True, media: Any = ("medium",), **more: Any) -> list[str]:
+    inputs, checks = more.get("inputs", {"medium": {"gamma": 1e-5}}), more.get("checks", {})
+    return [finding.text for finding in findings_of(Evidence(inputs, history, checks, media, SIZE, complete))]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"negative_pivots": 2}, ["the last state is unstable (2 negative pivots): there may be others"]),
+        ({"negative_pivots": None}, []),
+        ({"min_j": {"solid": 0.2, "medium": 1e-6}}, []),
+        ({"min_j": {"solid": 0.199, "medium": 1e-6}},
+         ["smallest J in region 'solid' is 0.2, below 0.2: use smaller cells there"]),
+        ({"min_j": {"medium": 0.9e-6, "solid": 0.1}},
+         ["smallest J in region 'solid' is 0.1, below 0.2: use smaller cells there",
+          "smallest J in region 'medium' is 9e-07, below 1e-06: use smaller cells there"]),
+        ({"energy": {"solid": 1.0, "medium": 0.0526}}, []),
+        ({"energy": {"solid": 1.0, "medium": 0.0527}},
+         ["5.0% of the final reaction squeezes the medium and not the bodies (more than 5% counts; it is off by about "
+          "as much): use a smaller gamma or alpha_r"]),
+        ({"energy": {"solid": -1.0, "medium": 1.5}},
+         ["100% of the final reaction squeezes the medium and not the bodies (more than 5% counts; it is off by about "
+          "as much): use a smaller gamma or alpha_r"]),
+        ({"energy": {"solid": 0.0, "medium": 0.0}}, []),
+        ({"energy": {"solid": 0.1, "medium": 0.9}, "min_j": {"medium": 0.5}, "parameters": {"gamma": 1e-5}}, []),
+    ],
+)  # fmt: skip
+def test_what_is_said_of_a_last_state(changes: dict[str, Any], said: list[str]) -> None:
+    assert texts(record(**changes)) == said
+
+
+@pytest.mark.parametrize(
+    ("share", "said"),
+    [
+        (0.049, None),
+        (0.051, "before contact (load 0.5) the medium alone gives 5.1% of the final reaction (0.051 of 1; more than 5% "
+         "counts): use a smaller gamma"),
+        (0.25, "before contact (load 0.5) the medium alone gives 25% of the final reaction (0.25 of 1; more than 5% "
+         "counts): use a smaller gamma"),
+    ],
+)  # fmt: skip
+def test_the_medium_before_contact(share: float, said: str | None) -> None:
+    """Not of a run that stopped, nor without a medium, a reaction or energy."""
+    before = open_gap(0.5, -2.0, share / 2.0)
+    assert texts(before, record()) == ([said] if said else [])
+    assert texts(before, record(), complete=False) == []
+    assert texts(before, record(min_j={"solid": 0.8, "medium": 0.3}), media=()) == []
+    assert texts(before, record(reaction=0.0)) == []
+    soft = {"parameters": {"gamma": 1e-5}}
+    assert texts(open_gap(0.5, -2.0, share / 2.0, **soft), record(**soft)) == []
+    assert texts(record(0.5, min_j={"solid": 1.0, "medium": 1.0}, energy={"solid": 0.0, "medium": 0.0}), record()) == []
+
+
+@pytest.mark.parametrize("load", [0.3, 0.1])
+def test_the_last_state_before_contact_counts(load: float) -> None:
+    history = [open_gap(0.1, -0.5, 0.9), open_gap(0.3, -0.5, 0.02), record(0.5), open_gap(0.8, -1.0, 0.9), record()]
+    assert texts(*history) == []
+    history[1] = record(0.3)
+    assert texts(*history)[0].startswith("before contact (load 0.1)")
+
+
+def test_the_reaction_that_is_quoted_is_that_of_the_largest_load_and_the_last_such_one() -> None:
+    evidence = Evidence({}, [record(load) for load in (0.5, -1.0, 1.0 - 1e-12, 1.0 - 1e-6, 0.0)], {}, [], SIZE)
+    assert evidence.quoted == 2
+
+
+def test_the_medium_in_contact_is_judged_by_the_last_step_to_the_quoted_load() -> None:
+    """A fifth of what the step adds is of the medium; nothing is said where the step did no work at the load."""
+    before = record(0.5, energy={"solid": 1.0, "medium": 0.1})
+    now = record(energy={"solid": 1.8, "medium": 0.3})
+    (said,) = texts(before, now)
+    assert said.startswith("20% of the final reaction squeezes")
+    for changes in ({"parameters": {"gamma": 1e-5}}, {"displacement": -0.5}, {"jumped": True},
+                    {"min_j": {"solid": 0.8, "medium": 0.5}}):  # fmt: skip
+        assert not any("squeezes" in text for text in texts(before, record(**{**vars(now), **changes})))
+    open_medium = record(**{**vars(now), "min_j": {"solid": 0.8, "medium": 0.3}})
+    assert texts(before, now, complete=False) == texts(before, open_medium, media=()) == []
+    assert texts(now, before) == [
+        "14% of the final reaction squeezes the medium and not the bodies (more than 5% counts; it is off by about as "
+        "much): use a smaller gamma or alpha_r"
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("n", "at"), [(1, "0.1"), (4, "0.1, 0.2, 0.3, 0.4"), (5, "0.1, 0.2, 0.3, 0.4 and 1 more")])
+def test_loads_of_jumps(n: int, at: str) -> None:
+    history = [record(0.1 * (i + 1), jumped=True, load_force=None) for i in range(n)]
+    assert texts(*history, record()) == [f"the equilibrium branch ended and the run jumped to another one at load {at}"]
+
+
+def test_overlap_is_said_with_its_summary() -> None:
+    checks = {"penetration_depth": None, "overlap_area": 1.0, "summary": "solids overlap: much"}
+    assert texts(record(), checks=checks) == [
+        "solids overlap: much: use smaller cells there or more medium around sharp corners"
+    ]
+
+
+def test_stiffer_steps_and_other_parameters() -> None:
+    soft, stiff = {"gamma": 1e-5}, {"gamma": 1e-3}
+    history = [record(0.25, parameters=stiff), record(0.75, parameters=stiff), record(parameters=soft)]
+    said = "steps at loads 0.25 to 0.75 have a stiffer medium, as the branch ended (parameter_* in history.csv)"
+    assert texts(*history) == [said]
+    assert texts(*history, inputs={"medium": {"gamma": 1e-5}, "continuation": stiff}) == []
+    assert texts(record(0.25), record(parameters=soft)) == []
+    off = texts(record(parameters={"gamma": 1e-5 * (1 + 2e-9)}))
+    assert off == ["the last state has gamma = 1e-05, not 1e-05: it was not yet brought back"]
+    assert texts(record(parameters={"gamma": 1e-5 * (1 + 5e-10)})) == []
+    assert texts(record(parameters={"beta": 1.0})) == []
+
+
+@pytest.mark.parametrize(("gamma", "said"), [(1e-2, []), (1.1e-2, ["gamma = 0.011 is above 0.01: the medium acts as a "
+                                                                  "body of its own; use 1e-3 or less"])])  # fmt: skip
+def test_large_gamma(gamma: float, said: list[str]) -> None:
+    assert texts(record(), inputs={"medium": {"gamma": gamma}}) == said
+    assert texts(record(), inputs={"regions": {"a": {"medium": {"gamma": gamma}}, "b": 3}}) == said
+
+
+def test_inverted_cells() -> None:
+    assert texts(record(), checks={"inverted_cells": {"medium": 1, "solid": 2}}) == [
+        "J < 0 between the quadrature points in 1 cell of 'medium' and 2 cells of 'solid': a corner may go through the "
+        "medium there; use smaller cells, or round it"
+    ]

@@ -7,8 +7,8 @@ import pytest
 import shapely
 from helpers_contact import slow_check
 
-from tmc_vem.results.contact import solids
-from tmc_vem.results.contact.contact import check_contact
+from tmc_vem.results.contact import distances, solids
+from tmc_vem.results.contact.contact import ContactReport, Overlap, check_contact, find_overlap
 from tmc_vem.results.contact.distances import closed_gaps, distances_beyond
 from tmc_vem.results.contact.solids import Chains, Solids
 from tmc_vem.system.fields import Fields, Polygons
@@ -205,7 +205,11 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("seed", range(6))
-def test_against_all_pairs(case, seed):
+def test_against_all_pairs(case, seed, monkeypatch):
+    if seed % 2:  # in pieces
+        monkeypatch.setattr(solids, "CELLS_AT_ONCE", 3)
+        monkeypatch.setattr(solids, "PAIRS_AT_ONCE", 500)
+        monkeypatch.setattr(distances, "PAIRS_AT_ONCE", 500)
     make, order = CASES[case]
     fields = make(np.random.default_rng(seed))
     fast, slow = check_contact(fields, order), slow_check(fields, order)
@@ -271,15 +275,15 @@ def test_only_cells_of_doubtful_shape_are_looked_at_one_by_one(monkeypatch):
     assert looked_at == [10, 4, 4]
 
 
-def random_chains(rng, n=40, m=3):
-    """Chains of very different sizes, some of whose points are shared."""
+def random_chains(rng, n=40, m=3, away=0.0):
+    """Chains of very different sizes, some of whose points are shared; away from the origin."""
     before, now = (
         rng.uniform(0, 1, (n, 1, 2))
         + rng.choice([0.01, 0.1, 0.3], (n, 1, 1)) * rng.normal(0, 1, (n, m + 1, 2)).cumsum(axis=1)
         for _ in range(2)
     )
     before[1::2, 0], now[1::2, 0] = before[::2, -1], now[::2, -1]
-    return Chains(3 * before, now, np.arange(n))
+    return Chains(3 * before + away, now - away, np.arange(n))
 
 
 def all_distances(points, chains):
@@ -289,8 +293,10 @@ def all_distances(points, chains):
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_closed_gaps_against_all_pairs(seed):
-    outline = random_chains(np.random.default_rng(seed))
+def test_closed_gaps_against_all_pairs(seed, monkeypatch):
+    if seed % 2:
+        monkeypatch.setattr(distances, "PAIRS_AT_ONCE", 1000)
+    outline = random_chains(np.random.default_rng(seed), away=5.0 * (seed % 2))
     now, before = (all_distances(x[:, :-1].reshape(-1, 2), x) for x in (outline.now, outline.before))
     ids = outline.ids[:, :-1].reshape(-1, 1, 1)
     foreign = (ids != outline.ids[:, :-1]) & (ids != outline.ids[:, 1:])
@@ -303,9 +309,11 @@ def test_closed_gaps_against_all_pairs(seed):
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_distances_beyond_against_all_pairs(seed):
+def test_distances_beyond_against_all_pairs(seed, monkeypatch):
+    if seed % 2:
+        monkeypatch.setattr(distances, "PAIRS_AT_ONCE", 1000)
     rng = np.random.default_rng(seed)
-    outline, body = random_chains(rng), rng.integers(0, 2, 40)
+    outline, body = random_chains(rng, away=5.0 * (seed % 2)), rng.integers(0, 2, 40)
     where = np.nonzero(rng.random(outline.now.shape[:2]) < 0.5)
     now, before = (all_distances(x[where], x) for x in (outline.now, outline.before))
     for own in (0.1, 1.0, 2.0):
@@ -316,3 +324,78 @@ def test_distances_beyond_against_all_pairs(seed):
                 assert beyond == pytest.approx(np.where(around, np.inf, now).min(axis=(1, 2)), rel=1e-12)
                 expected = np.where(around & (now < closed * before), now, np.inf).min(axis=(1, 2))
                 assert fold == pytest.approx(expected, rel=1e-12)
+
+
+# -- what is said ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("overlap", "words"),
+    [
+        (Overlap(0.25, 0.5, 0.0, (1.0, 2.00001)), "depth 5.00e-01 at (1, 2), area 2.50e-01"),
+        (Overlap(0.25, 0.0, 0.125, (1.0, 2.0)), "a corner closes on itself: depth 1.25e-01 at (1, 2), area 2.50e-01"),
+        (Overlap(0.25, 0.5, 0.125), "depth 5.00e-01, area 2.50e-01"),
+        (Overlap(), "depth 0.00e+00, area 0.00e+00"),
+    ],
+)
+def test_overlap_in_words(overlap, words):
+    assert overlap.summary() == words
+
+
+@pytest.mark.parametrize(
+    ("area", "depth", "exceeds"),
+    [(0.0, 1.9e-6, False), (0.0, 2.1e-6, True), (3.9e-6, 0.0, False), (4.1e-6, 0.0, True), (4.1e-6, 2.1e-6, True)],
+)
+def test_how_much_overlap_is_too_much_in_a_domain_of_size_two(area, depth, exceeds):
+    assert Overlap(area, depth, fold=1.0).exceeds(2.0) is exceeds
+
+
+@pytest.mark.parametrize("values", [(0.5, 0.0, 0.0), (0.0, 0.5, 0.0), (0.0, 0.0, 0.5), (0.0, 0.0, 0.0)])
+def test_each_kind_of_overlap_is_one(values):
+    report = ContactReport(*values, None, 7, 0.125, 0.25, 0.5)
+    assert report.interpenetrates is (values != (0.0, 0.0, 0.0))
+    start = "solids overlap: " if any(values) else "no interpenetration; "
+    assert report.summary().startswith(start)
+    assert report.summary().endswith("; gap 1.250e-01 to 5.000e-01 at 7 nodes in contact")
+    assert report.as_dict() == {
+        "overlap_area": values[0], "penetration_depth": values[1], "fold_depth": values[2], "penetration_point": None,
+        "contact_nodes": 7, "smallest_gap": 0.125, "mean_gap": 0.25, "largest_gap": 0.5,
+        "interpenetrates": report.interpenetrates,
+    }  # fmt: skip
+
+
+def test_gaps_of_several_widths_and_the_place_of_the_deepest_point():
+    """Two plates that nearly touch, 0.01 and 0.03 apart, and a wedge whose tip is 0.05 inside the lower one."""
+    plates = [square(-3, 1.5), square(3, 1.5)]
+    lower = [(-4, 0), (5, 0), (5, 1), (-4, 1)]
+    wedge = [(0, 2.5), (0.5, 1.5), (1, 2.5)]
+
+    def moved(p):
+        down = np.select([p[:, 2] == 1, p[:, 2] == 2, p[:, 2] == 3], [0.49, 0.47, 0.55], 0.0)
+        return np.column_stack([0 * down, -down])
+
+    fields = state([lower, *plates, wedge], moved)
+    report = check_contact(fields)
+    assert (report.smallest_gap, report.largest_gap) == (pytest.approx(0.01), pytest.approx(0.03))
+    assert report.penetration_depth == pytest.approx(0.05)
+    assert report.penetration_point == pytest.approx((0.5, 0.95))
+    solid = Solids(fields, fields.polygons.is_solid_c, 2, 8)
+    found = find_overlap(solid, solid.chains(solid.outline()))
+    assert (found.origin, found.cells) == (pytest.approx((0.5, 1.5)), (3, 0))
+    assert found.area == pytest.approx(0.05 * 0.05 / 2)
+    assert sorted(solid.bodies().tolist()) == [0, 1, 2, 3]
+    assert solid.size == 9.0
+
+
+def test_overlaps_that_are_rounding_are_none():
+    """Corners that overlap by a square, in a domain of size 4: an area of 1.6e-11 is the limit."""
+    wide = [(-1, 0), (1, 0), (1, 1), (-1, 1)]
+    for side, area in ((3.9e-6, 0.0), (4.1e-6, 4.1e-6**2)):
+        corners = state([wide, square(3, 1, 1e-3)], lambda p, a=side: p[:, 2:] * np.array([[-2.0 - a, -a]]))
+        assert check_contact(corners).overlap_area == pytest.approx(area, rel=1e-3, abs=1e-20)
+
+
+def test_bodies_are_cells_that_share_a_vertex():
+    cells = [square(0, 0), square(1, 0), square(5, 5), square(1, 1), square(6, 6)]
+    fields = state(cells, lambda p: 0 * p[:, :2], [0, 0, 0, 1, 0])
+    assert Solids(fields, fields.polygons.is_solid_c, 2, 8).bodies().tolist() == [0, 0, 1, 1]

@@ -75,3 +75,18 @@ def test_random_stars_against_shapely(seed: int) -> None:
 def test_thickness_of_the_thinnest_body() -> None:
     sides, ends = outline(box(0, 0, 10.0, 0.1), box(0, 5, 3.0, 3.0), box(1, 6)[::-1])
     assert Rings(sides, ends).thickness(sides) == pytest.approx(2 * 1.0 / 20.2)
+
+
+def test_outlines_that_are_no_rings_have_no_shape() -> None:
+    """Of two bodies: whether simple, which run counter-clockwise, what lies in what."""
+    rings = Rings(*outline(box(0, 0), box(3, 0)))
+    for broken in (box(0, 0) * np.nan, box(0, 0)[[1, 0, 2, 3]]):
+        simple, ccw, nested = rings._shape(outline(broken, box(3, 0))[0])
+        assert (simple, ccw.tolist(), nested) == (False, [False, False], set())
+    simple, ccw, nested = rings._shape(outline(box(0, 0, 9.0, 9.0), box(3, 1)[::-1])[0])
+    assert (simple, sorted(ccw.tolist()), len(nested)) == (True, [False, True], 1)
+
+
+def test_rings_of_which_one_turns_over_are_looked_at_though_none_crosses() -> None:
+    rings = Rings(*outline(box(0, 0), box(3, 0)))
+    assert rings.compare(outline(box(0, 0), box(3, 0) * [-1.0, 1.0])[0]) is Change.CROSSED

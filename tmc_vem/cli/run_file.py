@@ -40,7 +40,7 @@ def problem_command(path: str) -> click.Command:
 
         problem, settings = read_problem(path)
         # a flag is None or True; run directories of earlier versions ask to resume with False where it was not given
-        given = {name: options[name] for name in DECIDED if options[name] not in (None, False)}
+        given = {name: options[name] for name in DECIDED if options[name] is not None and options[name] is not False}
         execute(problem, dataclasses.replace(settings, overwrite=options["overwrite"], **given), options)
 
     help_text = f"""Solve the problem that {path} describes.

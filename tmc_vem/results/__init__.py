@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -12,9 +13,8 @@ __all__ = ["RunResult", "StepRecord"]
 
 
 def __getattr__(name: str) -> Any:
-    from tmc_vem.results import records, run_result
-
-    for module in (run_result, records):
-        if hasattr(module, name):
-            return getattr(module, name)
-    raise AttributeError(f"module 'tmc_vem.results' has no attribute '{name}'")
+    for module in ("run_result", "records"):
+        found = import_module(f"{__name__}.{module}")  # a from-import would ask here for the module first, and for ever
+        if hasattr(found, name):
+            return getattr(found, name)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

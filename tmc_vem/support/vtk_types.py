@@ -30,9 +30,9 @@ def cell_types(points_nx: Float, offsets: Int, connectivity: Int) -> Int:
         corners, middles = rings[:, ::2], rings[:, 1::2]
         sides = np.roll(corners, -1, axis=1) - corners
         before = np.roll(sides, 1, axis=1)
-        size = np.ptp(corners, axis=1).max(axis=1, initial=0.0) if len(cells) else np.empty(0)
+        size = np.ptp(corners, axis=1).max(axis=1)
         turn = before[..., 0] * sides[..., 1] - before[..., 1] * sides[..., 0]
-        away = np.abs(corners + 0.5 * sides - middles).max(axis=(1, 2), initial=0.0) if len(cells) else np.empty(0)
+        away = np.abs(corners + 0.5 * sides - middles).max(axis=(1, 2))
         plain = (turn > BLUNT * size[:, None] ** 2).all(axis=1) & (away <= 1e-9 * size)
         types[cells[plain]] = kind
     return types
