@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from tmc_vem.energy import densities
 from tmc_vem.energy import kinematics as kin
 from tmc_vem.energy.declare import declare, declared
+from tmc_vem.energy.solids import LOG, MODELS, NEO_HOOKE, VOLUMETRIC, Density, solid_density, solid_name
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import require_choice
 
-_PASSED_ON = ("objective", "stress_free", "max_rotation")  # what is true of a regulariser is true of its medium
-
-Density = Callable[[Any, Any, Any, Any], Any]
+_PASSED_ON = ("objective", "stress_free", "max_rotation", "domain")  # true of a regulariser and its medium
 
 
 @dataclass(frozen=True)
@@ -72,9 +70,24 @@ def get_regulariser(name: str) -> Regulariser:
     return REGULARISERS[name]
 
 
-def hyperelastic_solid() -> Energy:
-    """Solid (2) with parameters ``K`` and ``mu``."""
-    return Energy("solid", densities.solid, ("K", "mu"), "hyperelastic solid (2)")
+def hyperelastic_solid(model: str = NEO_HOOKE, volumetric: str = LOG) -> Energy:
+    """Solid by name, the paper's (2) with parameters ``K`` and ``mu`` by default.
+
+    Args:
+        model: one of :data:`tmc_vem.energy.solids.MODELS`.
+        volumetric: one of :data:`tmc_vem.energy.solids.VOLUMETRIC`; no matter for a model that is not split.
+
+    Raises:
+        InputError: there is none of that name.
+    """
+    require_choice("model", model, MODELS)
+    require_choice("volumetric", volumetric, VOLUMETRIC)
+    of = MODELS[model]
+    name = solid_name(of, volumetric)
+    if name == "solid":
+        return Energy(name, densities.solid, ("K", "mu"), "hyperelastic solid (2)")
+    with_part = "" if name == model else f" with volumetric part '{volumetric}'"
+    return Energy(name, solid_density(of, volumetric), ("K", *of.parameters), f"{of.title} solid{with_part}")
 
 
 def energy_name(regulariser: Regulariser, damped: bool, medium: str = PAPER_MEDIUM) -> str:
@@ -121,7 +134,16 @@ def third_medium(regulariser: Regulariser, *, damped: bool, medium: str = PAPER_
     )
 
 
-# All energies by name: the paper's, and those with our own medium or regularisers.
+# Solids by the names of their energies; with "neo_hooke", by which the model of the paper's solid is called.
+SOLIDS: dict[str, Energy] = {
+    NEO_HOOKE: hyperelastic_solid(),
+    **{
+        energy.name: energy
+        for energy in (hyperelastic_solid(model, volumetric) for model in MODELS for volumetric in VOLUMETRIC)
+    },
+}
+
+# Energies by name: the paper's, and those with our own medium or regularisers; other solids are in SOLIDS.
 DENSITIES: dict[str, Energy] = {
     energy.name: energy
     for energy in (

@@ -10,22 +10,12 @@ from typing import Any
 
 from tmc_vem.energy import MEDIA, PAPER_MEDIUM, REGULARISERS, Regulariser
 from tmc_vem.problems.regularisers import RegulariserLike, resolve_regulariser
+from tmc_vem.problems.solids import Material
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.settings import about, described
 from tmc_vem.support.validation import check_fields, require_positive
 
-
-@dataclass(frozen=True)
-class Material:
-    """Hyperelastic solid (2): bulk modulus K and shear modulus mu (force per area)."""
-
-    K: float
-    mu: float
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        require_positive("K", self.K, "the bulk modulus, 20 for the box of the paper")
-        require_positive("mu", self.mu, "the shear modulus, 10 for the box of the paper")
+__all__ = ["Material", "Medium", "chosen_weight"]
 
 
 @described
