@@ -90,26 +90,29 @@ def hyperelastic_solid(model: str = NEO_HOOKE, volumetric: str = LOG) -> Energy:
     return Energy(name, solid_density(of, volumetric), ("K", *of.parameters), f"{of.title} solid{with_part}")
 
 
-def energy_name(regulariser: Regulariser, damped: bool, medium: str = PAPER_MEDIUM) -> str:
+def energy_name(regulariser: Regulariser, damped: bool, medium: str = PAPER_MEDIUM, *, volumetric: bool = False) -> str:
     """Name of the third medium's energy, used for kernels and golden files."""
     kind = "" if medium == PAPER_MEDIUM else f"{medium}_"
-    return f"medium_{kind}{regulariser.name}{'_damped' if damped else ''}"
+    return f"medium_{kind}{regulariser.name}{'_damped' if damped else ''}{'_log_j' if volumetric else ''}"
 
 
-def third_medium(regulariser: Regulariser, *, damped: bool, medium: str = PAPER_MEDIUM) -> Energy:
+def third_medium(
+    regulariser: Regulariser, *, damped: bool, medium: str = PAPER_MEDIUM, volumetric: bool = False
+) -> Energy:
     """Third medium (4), ``gamma (psi_m + alpha_r psi_r)``; damped: ``psi_r`` times ``exp(-beta J)`` as in (8).
 
-    ``medium`` is one of :data:`MEDIA`, psi_m.
+    ``medium`` is one of :data:`MEDIA`, psi_m. With ``volumetric``, psi_m has in addition the volumetric part of the
+    solid (2), ``log_j mu/2 (ln J)^2``: log_j is the bulk modulus relative to mu.
 
     The factor stands inside the energy, as in the paper's Appendix B, so the tangent is symmetric. ``alpha_r`` is
     a modulus times a length squared, that is a force: psi_m is an energy per volume, and the psi_r of Table 1 have the
     unit of one over length squared. The kernel takes the values in the order mu, gamma,
-    alpha_r, beta (if damped), then the regulariser's own.
+    alpha_r, beta (if damped), log_j (if volumetric), then the regulariser's own.
 
     Raises:
         InputError: a parameter of the regulariser has the name of one of these.
     """
-    own = ("mu", "gamma", "alpha_r", *(("beta",) if damped else ()))
+    own = ("mu", "gamma", "alpha_r", *(("beta",) if damped else ()), *(("log_j",) if volumetric else ()))
     taken = [name for name in regulariser.parameters if name in own]
     if taken:
         raise InputError(f"regulariser '{regulariser.name}': the medium has a parameter '{taken[0]}' too; rename it")
@@ -122,12 +125,16 @@ def third_medium(regulariser: Regulariser, *, damped: bool, medium: str = PAPER_
         psi_r = regulariser.density(F, G, p, m)
         if damped:
             psi_r = m.exp(-p.beta * kin.det(F)) * psi_r
-        return p.gamma * (psi_m(F, G, p, m) + p.alpha_r * psi_r)
+        psi = psi_m(F, G, p, m)
+        if volumetric:
+            log_j = m.log(kin.det(F))
+            psi = psi + p.log_j * p.mu / 2 * log_j * log_j
+        return p.gamma * (psi + p.alpha_r * psi_r)
 
     kind = "third medium" if medium == PAPER_MEDIUM else f"{medium} third medium"
-    damping = " with exp(-beta J)" if damped else ""
+    damping = (" with exp(-beta J)" if damped else "") + (" and (ln J)^2" if volumetric else "")
     return Energy(
-        energy_name(regulariser, damped, medium),
+        energy_name(regulariser, damped, medium, volumetric=volumetric),
         density,
         (*own, *regulariser.parameters),
         f"{kind} (4) with regulariser {regulariser.title}{damping}",

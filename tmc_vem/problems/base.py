@@ -82,9 +82,11 @@ def medium_region(medium: Medium, mu: float, h: float | None = None) -> RegionEn
         InputError: the medium has alpha, and the width is not known.
     """
     regulariser, parameters = medium.resolve()
-    energy = third_medium(regulariser, damped=medium.beta > 0.0, medium=medium.energy)
+    energy = third_medium(regulariser, damped=medium.beta > 0.0, medium=medium.energy, volumetric=medium.log_j > 0.0)
     weight = medium.weight(mu, h)
     values = {"mu": mu, "gamma": medium.gamma, "alpha_r": weight, "beta": medium.beta, **parameters}
+    if medium.log_j > 0.0:
+        values["log_j"] = medium.log_j
     return RegionEnergy(energy, values, is_medium=True)
 
 

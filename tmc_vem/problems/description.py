@@ -177,6 +177,7 @@ class MediumTable:
         ),
     )
     energy: str = field(default=Medium.energy, metadata=same_as(Medium, "energy"))
+    log_j: float = field(default=Medium.log_j, metadata=same_as(Medium, "log_j"))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "alpha_r", chosen_weight(self.alpha_r, self.alpha))

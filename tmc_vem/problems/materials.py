@@ -57,6 +57,13 @@ class Medium:
             choices=tuple(MEDIA),
         ),
     )
+    log_j: float = field(
+        default=0.0,
+        metadata=about(
+            "Bulk modulus of the medium relative to mu: log_j mu/2 (ln J)^2 is added to it, 0 for none.",
+            detail="As in the solid (2), and scaled by gamma like the rest of the medium.",
+        ),
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -66,6 +73,8 @@ class Medium:
             raise InputError(
                 f"beta = {self.beta:g} must not be negative: 5 damps as in the paper, 0 switches damping off"
             )
+        if not (math.isfinite(self.log_j) and self.log_j >= 0.0):
+            raise InputError(f"log_j = {self.log_j:g} must not be negative: 0 is the paper's medium, 1 has K = mu")
         self.resolve()
 
     def resolve(self) -> tuple[Regulariser, dict[str, float]]:
@@ -112,6 +121,7 @@ class Medium:
             **({} if self.alpha is None or h is None else {"h": h}),
             "beta": self.beta,
             **({} if self.energy == PAPER_MEDIUM else {"energy": self.energy}),
+            **({} if self.log_j == 0.0 else {"log_j": self.log_j}),
             "regulariser": self.regulariser if isinstance(self.regulariser, str) else regulariser.name,
             **({"parameters": parameters} if parameters else {}),
         }

@@ -138,6 +138,8 @@ class OwnProblem:
                 region["medium"] |= {"alpha_r": self._regions[name].values["alpha_r"], "h": self._width(table)}
             if table is not None and table.energy == MediumTable.energy:  # as before there was a choice
                 del region["medium"]["energy"]
+            if table is not None and table.log_j == MediumTable.log_j:
+                del region["medium"]["log_j"]
         if self.table.mesh.cracks == "join":  # as before there was a choice
             del plain["mesh"]["cracks"]
         media = [region["medium"] for region in plain["regions"].values() if "medium" in region]
@@ -164,7 +166,9 @@ class OwnProblem:
         return found
 
     def _medium(self, table: MediumTable, moduli: Sequence[float]) -> RegionEnergy:
-        values = {key: getattr(table, key) for key in ("gamma", "alpha_r", "alpha", "beta", "energy", "parameters")}
+        values = {
+            key: getattr(table, key) for key in ("gamma", "alpha_r", "alpha", "beta", "energy", "log_j", "parameters")
+        }
         mu = table.mu
         if mu is None:
             if not moduli or max(moduli) - min(moduli) > SAME_MODULUS * max(moduli):
