@@ -10,20 +10,26 @@ from typing import Any
 import numpy as np
 import pytest
 
+from codegen.declare import declaration
 from codegen.integrand import second_gradient_energy
+from codegen.kernel import GRADIENT
 from codegen.oracle import energy_density, gradient
 from codegen.out_of_plane import out_of_plane_stress
 from codegen.sampling import to_vector
+from codegen.verify import verify
+from tmc_vem.cli.progress import summary_rows
 from tmc_vem.energy import SOLIDS, hyperelastic_solid
 from tmc_vem.energy.solids import MODELS, VOLUMETRIC, stiffening
-from tmc_vem.problems import Material, Punch
-from tmc_vem.problems.base import RegionEnergy, solid_region
+from tmc_vem.problems import Material, Medium, Punch
+from tmc_vem.problems.base import RegionEnergy, medium_region, solid_region
 from tmc_vem.problems.examine import of_moduli
 from tmc_vem.problems.moduli import NAMES, Moduli, moduli
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.problems.solids import conversions, softening
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation.problem_file import read_problem
 from tmc_vem.support.errors import InputError
+from tmc_vem.vem.kernel.cells import compile_cells
 
 K, MU = 20.0, 6.0
 GIVEN: dict[str, dict[str, Any]] = {
@@ -302,11 +308,12 @@ def test_what_was_given_and_what_it_became_is_said() -> None:
     rubber = Material(model="mooney_rivlin", volumetric="quadratic", E=6.0, nu=0.25, c01=0.2)
     regions = {"seal": {"solid": rubber.as_dict()}, "lid": {"solid": {"K": 20, "mu": 10}}, "gap": {"medium": {}}}
     said = "E = 6, nu = 0.25, c01 = 0.2: K = 4, mu = 2.4, c10 = 1"
-    assert conversions({"regions": regions}) == [("seal", f"mooney_rivlin, quadratic, {said}")]
+    assert conversions({"regions": regions}) == [("material, seal", f"mooney_rivlin, quadratic, {said}")]
     assert conversions({"material": Material(E=6.0, nu=0.25).as_dict(), "medium": {}}) == [
         ("material", "E = 6, nu = 0.25: K = 4, mu = 2.4")
     ]
     assert conversions({"disc": Material(1.0, 2.0).as_dict()}) == []
+    assert [name for name, _ in conversions({"beam": Material(E=6.0, nu=0.25).as_dict()})] == ["material, beam"]
     gent = Material(model="gent", K=1.0, mu=2.0, J_m=3.0)
     assert gent.as_dict() == {"model": "gent", "K": 1.0, "mu": 2.0, "J_m": 3.0}
 
@@ -431,3 +438,66 @@ def test_the_mediums_modulus_is_the_one_that_solids_agree_on(tmp_path: Path) -> 
 def test_bad_solids_of_a_problem_file(old: str, new: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=message):
         press(tmp_path, old, new)
+
+
+# ---- Kernels --------------------------------------------------------------------------------------------------------
+
+KERNELS = (
+    ("mooney_rivlin", "simo_taylor"), ("yeoh", "quadratic"), ("gent", "log"), ("arruda_boyce", "log"),
+    ("saint_venant_kirchhoff", "log"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("model", "volumetric"), KERNELS)
+def test_kernels_pass_the_check_and_have_the_stress_of_the_density(model: str, volumetric: str) -> None:
+    """The kernels are those of tests/fem/test_fem_solids.py; what ``codegen --check`` says, and stresses to 1e-10."""
+    of = material(model, volumetric)
+    energy = hyperelastic_solid(model, volumetric)
+    kernel = compile_cells(solid_region(of).integrand)
+    findings = verify(kernel, energy.density, of.values, declaration(energy.density))
+    assert [finding.what for finding in findings if not finding.passed] == []
+    assert any("out-of-plane" in finding.what for finding in findings)
+    F = np.array([[[j, 0.3], [-0.1, 1.1]] for j in np.linspace(0.25, 2.7, 9)])
+    x = to_vector(F, np.zeros((len(F), 2, 2, 2)))
+    found = kernel.points(GRADIENT, x, kernel.parameter_array(of.values))[1]
+    np.testing.assert_allclose(found, gradient(energy.density, x, of.values), rtol=1e-10, atol=1e-10 * K)
+    assert not kernel.uses_second_gradient
+
+
+def test_gents_domain_ends_where_it_locks() -> None:
+    domain = declaration(hyperelastic_solid("gent").density).domain
+    assert domain is not None
+    x = to_vector(np.array([np.eye(2), np.diag([2.0, 0.5])]), np.zeros((2, 2, 2, 2)))
+    assert energy_density(domain, x, {"J_m": 4.5}).tolist() == pytest.approx([1.0, 1.0 - (4.25 - 2.0) / 4.5])
+    assert math.isnan(energy_density(hyperelastic_solid("gent").density, x, {"K": K, "mu": MU, "J_m": 2.0})[1])
+
+
+# ---- The medium -----------------------------------------------------------------------------------------------------
+
+
+def test_a_medium_with_a_volumetric_part() -> None:
+    medium = Medium(gamma=0.5, log_j=0.25, regulariser="huhu")
+    region = medium_region(medium, 3.0)
+    assert region.energy.name == "medium_huhu_damped_log_j"
+    assert region.values == {"mu": 3.0, "gamma": 0.5, "alpha_r": 1.0, "beta": 5.0, "log_j": 0.25}
+    assert medium.as_dict()["log_j"] == 0.25
+    assert "log_j" not in Medium().as_dict()
+    assert "log_j" not in medium_region(Medium(), 3.0).values
+    for wrong in (-0.1, float("nan"), float("inf")):
+        with pytest.raises(InputError, match=f"log_j = {wrong:g} must not be negative: 0 is the paper's medium"):
+            Medium(log_j=wrong)
+
+
+def test_a_medium_with_a_volumetric_part_in_a_problem_file(tmp_path: Path) -> None:
+    problem = press(tmp_path, "gamma = 1e-3", "gamma = 1e-3, log_j = 0.1")
+    assert problem.regions()["medium"].values["log_j"] == 0.1
+    assert problem.inputs()["medium"]["log_j"] == 0.1
+    assert "log_j" not in press(tmp_path).inputs()["medium"]
+    with pytest.raises(InputError, match=r"regions: medium: log_j = -1 must not be negative.*\(line 15\)"):
+        press(tmp_path, "gamma = 1e-3", "gamma = 1e-3, log_j = -1")
+
+
+def test_the_summary_says_what_materials_became() -> None:
+    inputs = {"problem": "box", "material": Material(E=6.0, nu=0.25).as_dict()}
+    result = RunResult(inputs, {}, True, "", 1.0, 1, 8, 9, 1, {}, {"total": 1.0}, [])
+    assert ("material", "E = 6, nu = 0.25: K = 4, mu = 2.4") in summary_rows(result)

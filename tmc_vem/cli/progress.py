@@ -110,7 +110,7 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
         ]
         if last.negative_pivots:
             rows.append(("unstable", f"{last.negative_pivots} negative pivots"))
-    rows += [(f"material, {region}", became) for region, became in conversions(result.inputs)]
+    rows += conversions(result.inputs)
     if "alpha" in medium:
         made = f"alpha_r = {medium['alpha_r']:g} (alpha = {medium['alpha']:g}, h = {medium['h']:g})"
         rows.append(("regulariser", made))

@@ -167,9 +167,10 @@ def softening(c1: float, c2: float, c3: float) -> float | None:
 
 
 def conversions(inputs: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """What materials among the inputs of a result were given as and became: names of regions, and a line for each."""
+    """What materials among the inputs of a result were given as and became: a heading and a line for each."""
     regions = {name: table.get("solid") for name, table in inputs.get("regions", {}).items()}
-    found = {**{name: inputs.get(name) for name in ("material", "beam", "disc")}, **regions}
+    named = {"material": inputs.get("material")}
+    found = named | {f"material, {name}": solid for name, solid in [*_bodies(inputs), *regions.items()]}
     lines = []
     for name, solid in found.items():
         if isinstance(solid, Mapping) and "made" in solid:
@@ -177,6 +178,11 @@ def conversions(inputs: Mapping[str, Any]) -> list[tuple[str, str]]:
             words = [str(solid[key]) for key in ("model", "volumetric") if key in solid]
             lines.append((name, f"{', '.join([*words, _said(given)])}: {_said(solid['made'])}"))
     return lines
+
+
+def _bodies(inputs: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """Materials of the problem with several bodies."""
+    return [(name, inputs.get(name)) for name in ("beam", "disc")]
 
 
 def _said(values: Mapping[str, float]) -> str:
