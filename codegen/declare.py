@@ -28,6 +28,8 @@ class Declaration:
         max_rotation: rotations (degrees) that the energy must stay below; states are drawn up to 10 degrees less.
         gradient: hand-written derivatives ``gradient(F, G, p, m) -> (P, T)`` with ``P[i][j] = d psi / d F[i][j]`` and
             ``T[i][j][k] = d psi / d G[i][j][k]``. They are compared with the generated ones, never used.
+        domain: a function ``(F, G, p, m)`` that is 1 at F = I, and positive where the energy has a value; the check
+            draws states where it is 0.1 or more.
     """
 
     parameters: Mapping[str, float | None] = field(default_factory=dict)
@@ -35,6 +37,7 @@ class Declaration:
     stress_free: bool = True
     max_rotation: float = 180.0
     gradient: Callable[..., Any] | None = None
+    domain: Callable[..., Any] | None = None
 
 
 def energy(
@@ -44,6 +47,7 @@ def energy(
     stress_free: bool = True,
     max_rotation: float = 180.0,
     gradient: Callable[..., Any] | None = None,
+    domain: Callable[..., Any] | None = None,
 ) -> Callable[[Function], Function]:
     """Decorator of a density; the arguments are those of :class:`Declaration`.
 
@@ -61,6 +65,7 @@ def energy(
             "stress_free": stress_free,
             "max_rotation": max_rotation,
             "gradient": gradient,
+            "domain": domain,
         }
         vars(density)[ATTRIBUTE] = facts
         return density

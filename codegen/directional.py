@@ -48,7 +48,7 @@ class Rated:
     def __pow__(self, exponent: Any) -> Rated:
         power = exponent.value if isinstance(exponent, Rated) else exponent
         value = self.value**power
-        return Rated(value, 0 if _is_zero(self.rate) else self.rate * (power * self.value ** (power - 1)))
+        return Rated(value, 0 if is_zero(self.rate) else self.rate * (power * self.value ** (power - 1)))
 
     def __neg__(self) -> Rated:
         return Rated(-self.value, _negative(self.rate))
@@ -93,11 +93,11 @@ class RatedMath:
         y, x = _rated(y), _rated(x)
         turned = _plus(_times(y.rate, x.value), _negative(_times(x.rate, y.value)))
         value = self._m.atan2(y.value, x.value)
-        return Rated(value, 0 if _is_zero(turned) else turned / (x.value * x.value + y.value * y.value))
+        return Rated(value, 0 if is_zero(turned) else turned / (x.value * x.value + y.value * y.value))
 
     def _unary(self, x: Any, function: Callable[[Any], Any], slope: Callable[[Any], Any]) -> Rated:
         x = _rated(x)
-        return Rated(function(x.value), 0 if _is_zero(x.rate) else x.rate * slope(x.value))
+        return Rated(function(x.value), 0 if is_zero(x.rate) else x.rate * slope(x.value))
 
 
 class RatedParameters:
@@ -114,8 +114,15 @@ class RatedParameters:
         return Rated(getattr(self._p, name))
 
 
-def rated(of: Input, tensor: Any, direction: Any = None) -> Any:
-    """An input as a function reads it, each component with its rate, which is 0 without a direction."""
+def rated(of: Input, tensor: Any, direction: Any = None, out_of_plane: Any = None) -> Any:
+    """An input as a function reads it, each component with its rate, which is 0 without a direction.
+
+    Args:
+        of: the input.
+        tensor: its value, of which the plane is read.
+        direction: rate of the plane.
+        out_of_plane: rate of the component with the indices 2 and 2, of an input with a third direction.
+    """
 
     def component(index: tuple[int, ...]) -> Rated:
         value, rate = tensor, direction
@@ -124,28 +131,29 @@ def rated(of: Input, tensor: Any, direction: Any = None) -> Any:
             rate = None if rate is None else rate[i]
         return Rated(value, 0 if rate is None else rate)
 
-    return of.nested(component)
+    return of.nested(component, out_of_plane=None if out_of_plane is None else Rated(int(of.identity), out_of_plane))
 
 
 def _rated(x: Any) -> Rated:
     return x if isinstance(x, Rated) else Rated(x)
 
 
-def _is_zero(rate: Any) -> bool:
+def is_zero(rate: Any) -> bool:
+    """Whether a rate is the number 0: of what does not depend on what changes."""
     return isinstance(rate, int) and rate == 0
 
 
 def _plus(a: Any, b: Any) -> Any:
-    return b if _is_zero(a) else a if _is_zero(b) else a + b
+    return b if is_zero(a) else a if is_zero(b) else a + b
 
 
 def _times(rate: Any, factor: Any) -> Any:
-    return 0 if _is_zero(rate) else rate * factor
+    return 0 if is_zero(rate) else rate * factor
 
 
 def _over(rate: Any, divisor: Any) -> Any:
-    return 0 if _is_zero(rate) else rate / divisor
+    return 0 if is_zero(rate) else rate / divisor
 
 
 def _negative(rate: Any) -> Any:
-    return 0 if _is_zero(rate) else -rate
+    return 0 if is_zero(rate) else -rate

@@ -15,7 +15,7 @@ from codegen.layout import Input, Layout, Take
 
 Density = Callable[[Any, Any, Any, Any], Any]
 
-DEFORMATION_GRADIENT = Input("F", "u", Take.GRADIENT, (2, 2), identity=True)
+DEFORMATION_GRADIENT = Input("F", "u", Take.GRADIENT, (2, 2), identity=True, third=True)
 SECOND_GRADIENT = Input("G", "u", Take.SECOND_GRADIENT, (2, 2, 2))
 LAYOUT = Layout((DEFORMATION_GRADIENT, SECOND_GRADIENT))
 

@@ -28,6 +28,27 @@ class Take(StrEnum):
     JUMP = "jump"  # of the gradient, across a side
 
 
+class Rows(list[Any]):
+    """A tensor as nested lists, or a row of one, that may have a third direction besides those of the plane.
+
+    Its length and what a loop sees are those of the plane, so that a function which knows the plane only computes what
+    it did; the index 2 is there for those who ask for it.
+
+    Args:
+        entries: of the plane.
+        third: what the index 2 gives; None if there is nothing.
+    """
+
+    def __init__(self, entries: Iterable[Any], third: Any = None) -> None:
+        super().__init__(entries)
+        self.third = third
+
+    def __getitem__(self, index: Any) -> Any:
+        if self.third is not None and not isinstance(index, slice) and index == len(self):
+            return self.third
+        return super().__getitem__(index)
+
+
 @dataclass(frozen=True)
 class Input:
     """A tensor that a function of a point reads.
@@ -39,6 +60,8 @@ class Input:
         shape: of the tensor, the field's component first.
         identity: whether the identity is added to what is taken, as in ``F = I + grad u``. Kernels read it without, and
             call the components on the diagonal ``H11``, ``H22``.
+        third: whether a matrix has a third direction, which is no part of the vector: ``F[2][2] = 1`` in plane strain,
+            and ``F[i][2] = F[2][i] = 0``.
     """
 
     name: str
@@ -46,6 +69,7 @@ class Input:
     take: Take
     shape: tuple[int, ...]
     identity: bool = False
+    third: bool = False
 
     @functools.cached_property
     def indices(self) -> tuple[Index, ...]:
@@ -71,12 +95,15 @@ class Input:
         """Value of a component where the field vanishes."""
         return int(self.identity and len(set(index)) == 1)
 
-    def nested(self, component: Callable[[Index], Any], row: Callable[[list[Any]], Any] = list) -> Any:
+    def nested(
+        self, component: Callable[[Index], Any], row: Callable[..., Any] = Rows, out_of_plane: Any = None
+    ) -> Any:
         """The tensor as a function reads it, ``[i][j]...``, made of its components.
 
         Args:
             component: component of an index.
-            row: what to make of the list of a row.
+            row: what to make of the entries of a row, and of what the index 2 gives if there is a third direction.
+            out_of_plane: the component with the indices 2 and 2, if there is; by default 1 with the identity, else 0.
         """
 
         def part(head: Index) -> Any:
@@ -84,7 +111,12 @@ class Input:
                 return component(head)
             return row([part((*head, i)) for i in range(self.shape[len(head)])])
 
-        return part(())
+        if not self.third:
+            return part(())
+        rows, columns = self.shape
+        one = int(self.identity) if out_of_plane is None else out_of_plane
+        in_plane = [row([component((i, j)) for j in range(columns)], 0) for i in range(rows)]
+        return row(in_plane, row([0] * columns, one))
 
     def components(self, tensor: Any) -> list[Any]:
         """Components of nested lists in the order of the vector."""
@@ -167,11 +199,11 @@ class Layout:
         last: int = max(self.part(name).stop for name in names)
         return last // self.n_components
 
-    def tensors(self, entry: Callable[[int], Any], row: Callable[[list[Any]], Any] = list) -> tuple[Any, ...]:
+    def tensors(self, entry: Callable[[int], Any], row: Callable[..., Any] = Rows) -> tuple[Any, ...]:
         """All inputs as a function reads them, from the entries of the vector by their number."""
         return tuple(self._tensor(of, entry, row) for of in self.inputs)
 
-    def _tensor(self, of: Input, entry: Callable[[int], Any], row: Callable[[list[Any]], Any]) -> Any:
+    def _tensor(self, of: Input, entry: Callable[[int], Any], row: Callable[..., Any]) -> Any:
         first = self.part(of.name).start
         return of.nested(lambda index: entry(first + of.indices.index(index)), row)
 

@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 
 from codegen.errors import CodegenError
 from codegen.integrand import Integrand
+from codegen.layout import Rows
 
 UNARY_FUNCTIONS = ("exp", "log", "sqrt", "sin", "cos", "atan")
 BINARY_FUNCTIONS = ("atan2",)
@@ -145,11 +146,11 @@ class TracedScalar:
         return self._binary(operator, *inputs)
 
 
-class TracedTensor(list[Any]):
+class TracedTensor(Rows):
     """An input of a function while it is being traced, or a row of one."""
 
-    def __init__(self, tape: Tape, rows: Sequence[Any]) -> None:
-        super().__init__(rows)
+    def __init__(self, tape: Tape, rows: Sequence[Any], third: Any = None) -> None:
+        super().__init__(rows, third)
         self._tape = tape
 
     def __getitem__(self, index: Any) -> Any:
@@ -159,7 +160,8 @@ class TracedTensor(list[Any]):
         try:
             return super().__getitem__(index)
         except (IndexError, TypeError):
-            self._tape.fail(f"{self._tape.written()} have the indices 0 and 1, not {index!r}")
+            third = "".join(f", and {entry.name} has 2" for entry in self._tape.inputs if entry.third)
+            self._tape.fail(f"{self._tape.written()} have the indices 0 and 1{third}, not {index!r}")
 
 
 class MathNamespace:

@@ -42,21 +42,20 @@ class TracedEnergy:
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-def trace(integrand: Integrand) -> TracedEnergy:
-    """Record what an integrand computes.
+def recorded(integrand: Integrand) -> tuple[Tape, Any]:
+    """What an integrand did, and what it returned: a recorded scalar, unless it does not depend on what it was given.
 
     Raises:
-        CodegenError: it branches on a value, uses an unknown function or an undeclared parameter, does not depend on
-            any input, or does not return one scalar.
+        CodegenError: it branches on a value, or uses an unknown function or an undeclared parameter, or fails.
     """
     name, parameters, layout = integrand.name, integrand.parameter_names, integrand.layout
     tape = Tape(integrand)
     _check_names(tape, parameters)
     inputs = layout.tensors(
-        lambda n: tape.add("variable", value=layout.names[n]), lambda rows: TracedTensor(tape, rows)
+        lambda n: tape.add("variable", value=layout.names[n]), lambda *rows: TracedTensor(tape, *rows)
     )
     try:
-        result = integrand.function(*inputs, ParameterNamespace(tape, parameters), MathNamespace(tape))
+        return tape, integrand.function(*inputs, ParameterNamespace(tape, parameters), MathNamespace(tape))
     except CodegenError:
         raise
     except Exception as error:  # whatever a user's function raises is reported in its name
@@ -64,6 +63,16 @@ def trace(integrand: Integrand) -> TracedEnergy:
             arrays, first = tape.names(" and "), integrand.inputs[0].written
             tape.fail(f"numpy cannot compute with {arrays} ({error}); write it with {first}, arithmetic and m")
         raise CodegenError(f"energy '{name}': calling it failed with {type(error).__name__}: {error}") from error
+
+
+def trace(integrand: Integrand) -> TracedEnergy:
+    """Record what an integrand computes.
+
+    Raises:
+        CodegenError: it branches on a value, uses an unknown function or an undeclared parameter, does not depend on
+            any input, or does not return one scalar.
+    """
+    tape, result = recorded(integrand)
     if not isinstance(result, TracedScalar):
         tape.fail(
             f"it returned {_describe(result)}; return one scalar that depends on {tape.names(' or ')}"
@@ -78,9 +87,9 @@ def trace(integrand: Integrand) -> TracedEnergy:
         tape.fail(f"it {none} {tape.names(' nor ')}, so it has no stress; return an energy of the deformation")
     nodes, index = _compact(tape.nodes, used)
     return TracedEnergy(
-        name=name,
-        parameters=parameters,
-        layout=layout,
+        name=integrand.name,
+        parameters=integrand.parameter_names,
+        layout=integrand.layout,
         nodes=nodes,
         result=index[result.index],
         used=tuple(entry.name for entry in integrand.inputs if variables & set(entry.names)),

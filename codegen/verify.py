@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from codegen import oracle
 from codegen.declare import Declaration
+from codegen.errors import CodegenError
 from codegen.integrand import LAYOUT, second_gradient_energy, stress_names
 from codegen.kernel import ENERGY, GRADIENT, TANGENT, Kernel
+from codegen.out_of_plane import out_of_plane_stress
 from codegen.reference import fault_at_reference
 from codegen.sampling import REGIMES, SAFETY_ANGLE, Regime, directions, from_vector, rotate, sample
 from codegen.trace import trace
@@ -28,6 +30,8 @@ VALUE_LIMIT = 1e-9  # numpy, not the kernel, loses digits where J is small
 DIFFERENCE_LIMIT = 1e-5
 REFERENCE_LIMIT = 1e-12
 EXACT = 1e-13
+MARGIN = 0.1  # of a declared domain, which is 1 at F = I: derivatives by differences need room
+MOST_HALVINGS = 60
 DECLARED_OTHERWISE = "declared otherwise"
 DERIVATIVE_NAMES = stress_names(LAYOUT)
 GRADIENT_STEPS = (4e-5, 2e-5, 1e-5)  # small, so that a slightly wrong component stands out, yet far above rounding
@@ -79,7 +83,8 @@ def _findings(
     declared: Declaration,
     rng: np.random.Generator,
 ) -> Iterator[Finding]:
-    states = {regime: sample(regime, N_STATES, rng, declared.max_rotation) for regime in REGIMES}
+    drawn = {regime: sample(regime, N_STATES, rng, declared.max_rotation) for regime in REGIMES}
+    states = {regime: _within(declared.domain, x_nx, values) for regime, x_nx in drawn.items()}
     everything = np.concatenate(list(states.values()))
     array = kernel.parameter_array(values)
 
@@ -95,6 +100,23 @@ def _findings(
     yield from _reference_state(kernel, array, density, values, declared)
     if declared.gradient is not None:
         yield _hand_written(kernel, array, declared.gradient, values, everything)
+
+
+def _within(domain: Callable[..., Any] | None, x_nx: Array, values: Mapping[str, float]) -> Array:
+    """The states, those that are outside a domain half as far from F = I, G = 0, as often as it takes.
+
+    Raises:
+        CodegenError: F = I itself is outside.
+    """
+    if domain is None:
+        return x_nx
+    for _ in range(MOST_HALVINGS):
+        with np.errstate(all="ignore"):  # J <= 0 on the way is outside
+            inside = oracle.energy_density(domain, x_nx, values) >= MARGIN
+        if inside.all():
+            return x_nx
+        x_nx = np.where(inside[:, None], x_nx, x_nx / 2)
+    raise CodegenError("the declared domain excludes F = I: it must be 1 there, and positive where there is an energy")
 
 
 def _all_derivatives(kernel: Kernel, array: Array, x_nx: Array) -> tuple[Array, Array, Array]:
@@ -114,7 +136,8 @@ def _finite(kernel: Kernel, array: Array, x_nx: Array, declared: Declaration) ->
     psi, g, h = _all_derivatives(kernel, array, x_nx)
     good = np.isfinite(psi) & np.isfinite(g).all(axis=1) & np.isfinite(h).all(axis=(1, 2))
     rotation = min(declared.max_rotation - SAFETY_ANGLE, max(regime.rotation for regime in REGIMES))
-    what = f"finite, J 1e-4 to 3, rotation to {rotation:.0f} deg"
+    where = "J 1e-4 to 3" if declared.domain is None else "in its domain"
+    what = f"finite, {where}, rotation to {rotation:.0f} deg"
     words = ""
     if not good.all():
         state = ", ".join(f"{v:.3g}" for v in x_nx[np.argmin(good)])
@@ -223,9 +246,11 @@ def _objectivity(kernel: Kernel, array: Array, x_nx: Array, declared: Declaratio
 def _reference_state(
     kernel: Kernel, array: Array, density: Callable[..., Any], values: Mapping[str, float], declared: Declaration
 ) -> Iterator[Finding]:
-    psi, g, h = _all_derivatives(kernel, array, np.zeros((1, LAYOUT.n_inputs)))
+    at_rest = np.zeros((1, LAYOUT.n_inputs))
+    psi, g, h = _all_derivatives(kernel, array, at_rest)
+    integrand = second_gradient_energy(density, getattr(density, "__name__", "energy"), values)
     if not (np.isfinite(psi).all() and np.isfinite(g).all() and np.isfinite(h).all()):
-        fault = fault_at_reference(trace(second_gradient_energy(density, kernel.name, kernel.parameters)), values)
+        fault = fault_at_reference(trace(integrand), values)
         what = "The energy" if not np.isfinite(psi).all() else "A derivative of the energy"
         words = f"{what} is infinite or not a number at F = I: {fault or 'it has a singularity there'}."
         yield Finding("finite at F = I", "no", "yes", False, words)
@@ -241,7 +266,16 @@ def _reference_state(
         f"F = I is not free of stress: {DERIVATIVE_NAMES[worst]} = {g[0, worst]:.4g} "
         "(in plane strain tr C = F:F + 1, as F33 = 1)."
     )
-    for what, value, words in (("energy", energy, energy_words), ("stress", stress, stress_words)):
+    properties = [("energy", energy, energy_words), ("stress", stress, stress_words)]
+    across = out_of_plane_stress(integrand).stress
+    if across is not None:
+        p33 = float(oracle.energy_density(across.function, at_rest, values)[0])
+        across_words = (
+            f"F = I is not free of stress across the plane: P33 = {p33:.4g}; an energy that uses F[2][2] must do so in "
+            "all its parts."
+        )
+        properties.append(("out-of-plane stress", abs(p33) / size, across_words))
+    for what, value, words in properties:
         fine = value < REFERENCE_LIMIT  # False for NaN
         passed = fine or not declared.stress_free
         yield Finding(f"{what} at F = I", f"{value:.1e}", required, passed, "" if fine else words + advice)

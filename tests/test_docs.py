@@ -73,3 +73,20 @@ def test_examples_of_problem_files_are_read(tmp_path: Path) -> None:
     assert build(RunOptions, solve, "solve").snapshots == 20
     kinds = [type(build(ProbeTable, probe, name).probe()).__name__ for name, probe in probes.items()]
     assert kinds == ["Displacement", "Position", "Gap", "Reaction", "MeanJ"]
+
+
+def test_solids_on_the_page_of_materials_are_solids() -> None:
+    """Those of problem files and of Python, and what the summary says of one."""
+    import tomllib
+
+    from tmc_vem.problems import Material
+    from tmc_vem.problems.solids import conversions
+    from tmc_vem.support.validation import build
+
+    page = (ROOT / "docs/materials.md").read_text()
+    (text,) = re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    solids = {name: build(Material, region["solid"], name) for name, region in tomllib.loads(text)["regions"].items()}
+    ((heading, words),) = conversions({"regions": {"seal": {"solid": solids["seal"].as_dict()}}})
+    assert f"`{heading}   {words}`" in page
+    in_python = re.findall(r"Material\((.*?)\)", page)
+    assert [Material(**eval(f"dict({arguments})")).model for arguments in in_python] == ["neo_hooke", "gent"]

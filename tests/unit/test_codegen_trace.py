@@ -86,7 +86,7 @@ def text(F, G, p, m):
 
 
 def out_of_range(F, G, p, m):
-    return F[2][0]
+    return F[0][3]
 
 
 def like_an_array(F, G, p, m):
@@ -121,7 +121,7 @@ CASES = [
     (symbolic_exponent, r"the exponent of \*\* must be a number; write m.exp\(b \* m.log\(a\)\) for a\*\*b"),
     (symbolic_base, r"the exponent of \*\* must be a number; write m.exp\(b \* m.log\(a\)\)"),
     (text, "cannot compute with a str; use numbers, F, G, p and the functions of m"),
-    (out_of_range, r"F\[i\]\[j\] and G\[i\]\[j\]\[k\] have the indices 0 and 1"),
+    (out_of_range, r"F\[i\]\[j\] and G\[i\]\[j\]\[k\] have the indices 0 and 1, and F has 2, not 3"),
     (like_an_array, r"write F\[i\]\[j\] and G\[i\]\[j\]\[k\], not F\[i, j\]"),
 ]
 

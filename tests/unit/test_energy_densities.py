@@ -252,6 +252,23 @@ def test_a_regulariser_brings_its_own_parameters():
     assert found == pytest.approx(1e-3 * 0.7 * np.exp(-5.0) * 3.0 * 4.0)
 
 
+def test_a_medium_may_have_the_volumetric_part_of_the_solid(states):
+    """gamma log_j mu/2 (ln J)^2 on top of the paper's medium, free of stress at F = I."""
+    with_log = third_medium(get_regulariser("huhu"), damped=True, volumetric=True)
+    assert with_log.name == "medium_huhu_damped_log_j"
+    assert with_log.parameters == ("mu", "gamma", "alpha_r", "beta", "log_j")
+    assert with_log.description.endswith("with regulariser huhu (6) with exp(-beta J) and (ln J)^2")
+    values = {**PARAMETERS, "log_j": 0.3}
+    more = energy_density(with_log.density, states, values)
+    plain = energy_density(DENSITIES["medium_huhu_damped"].density, states, PARAMETERS)
+    J = np.linalg.det(from_vector(states)[0])
+    np.testing.assert_allclose(more - plain, 1e-3 * 0.3 * 10.0 / 2 * np.log(J) ** 2, rtol=1e-7, atol=1e-12)
+    clash = Regulariser("mine", densities.huhu, parameters=("log_j",))
+    assert third_medium(clash, damped=False).parameters[-1] == "log_j"
+    with pytest.raises(InputError, match="the medium has a parameter 'log_j' too"):
+        third_medium(clash, damped=False, volumetric=True)
+
+
 def test_names_that_do_not_exist_or_clash_are_refused():
     with pytest.raises(
         InputError, match=r"unknown regulariser 'hu'.*: choose one of huhu, huhu_lulu, angle, tangent.*; FILE"

@@ -31,6 +31,7 @@ from tmc_vem.vem.spaces.element_settings import ElementSettings
 MEDIUM = [
     (("--gamma", "3e-4"), "problem.medium.gamma", 3e-4),
     (("--medium-energy", "balanced"), "problem.medium.energy", "balanced"),
+    (("--log-j", "0.1"), "problem.medium.log_j", 0.1),
     (("--alpha-r", "0.3"), "problem.medium.alpha_r", 0.3),
     (("--alpha", "2.5"), "problem.medium.alpha", 2.5),
     (("--beta", "1.5"), "problem.medium.beta", 1.5),
@@ -218,6 +219,7 @@ def test_every_parameter_of_a_medium_changes_its_energy(tmp_path: Path) -> None:
         "gamma": {"gamma": 1e-4}, "alpha_r": {"alpha_r": 2.0}, "beta": {"beta": 0.0},
         "regulariser": {"regulariser": "angle", "parameters": {}}, "parameters": {"parameters": {"kappa": 2.0}},
         "alpha": {"alpha_r": None, "alpha": 2.5}, "energy": {"energy": "balanced"},
+        "log_j": {"log_j": 0.1},
     }  # fmt: skip
     assert set(changes) == {entry.name for entry in dataclasses.fields(Medium)}
     before = medium_region(Medium(**usual), 3.0, 0.5)
@@ -285,6 +287,7 @@ IN_FILES = {
     "beta": ("gamma = 1e-4", "gamma = 1e-4, beta = 3"),
     "regulariser": ("gamma = 1e-4", 'gamma = 1e-4, regulariser = "huhu"'),
     "energy": ("gamma = 1e-4", 'gamma = 1e-4, energy = "balanced"'),
+    "log_j": ("gamma = 1e-4", "gamma = 1e-4, log_j = 0.1"),
     "parameters": ("gamma = 1e-4", 'gamma = 1e-4, regulariser = "own.py:bending", parameters = { kappa = 2 }'),
     "mu of the medium": ("1e-4, mu = 10", "1e-4, mu = 3"),
     "line": ("{ line = [[0, 0], [2, 0]] }", "{ line = [[0, 0], [0, 1]] }"),

@@ -241,7 +241,7 @@ def test_the_table_says_what_is_medium_not_the_name(tmp_path: Path) -> None:
         ('"huhu_lulu"', '"huhu_luluu"', ("regions: medium", "huhu_luluu", "huhu_lulu")),
         ('"huhu_lulu"', '"gone.py:f"', ("gone.py",)),
         ("K = 20, mu = 10", "K = -20, mu = 10", ("regions: base: solid", "K = -20", "positive")),
-        ("K = 20, mu = 10", "K = 20", ("regions: base: solid", "lacks 'mu'")),
+        ("K = 20, mu = 10", "K = 20", ("regions: base: solid", "give two of K, mu, E, nu and lambda, not K")),
         ("gamma = 1e-4", "gama = 1e-4", ("regions: medium: medium", "'gama'", "gamma")),
         ("size = 0.1", 'size = 0.1\nnames = { 1 = "plug" }', ("mesh: names", "for a mesh file")),
         (

@@ -13,6 +13,7 @@ from rich.text import Text
 from tmc_vem.cli.columns import names_and_values, plain
 from tmc_vem.problems.base import Problem
 from tmc_vem.problems.probes import GAP
+from tmc_vem.problems.solids import conversions
 from tmc_vem.report.tables import reached
 from tmc_vem.results.records import StepRecord
 from tmc_vem.results.run_result import RunResult
@@ -112,6 +113,7 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
         ]
         if last.negative_pivots:
             rows.append(("unstable", f"{last.negative_pivots} negative pivots"))
+    rows += conversions(result.inputs)
     if "alpha" in medium:
         made = f"alpha_r = {medium['alpha_r']:g} (alpha = {medium['alpha']:g}, h = {medium['h']:g})"
         rows.append(("regulariser", made))

@@ -30,6 +30,7 @@ def medium_options(
             setting(Medium, "alpha", is_eager=True),
             setting(Medium, "alpha_r", callback=weight, optional=True, after=f" [default: {alpha_r:g}]"),
             setting(Medium, "energy", "--medium-energy", "medium_energy"),
+            setting(Medium, "log_j"),
             setting(Medium, "regulariser", default=regulariser, metavar="NAME"),
             setting(Medium, "parameters", "--param", "parameters", multiple=True, metavar="NAME=VALUE"),
             setting(Medium, "beta", default=beta),
@@ -161,6 +162,7 @@ def chosen_medium(options: dict[str, Any]) -> Medium:
         alpha=options["alpha"],
         beta=options["beta"],
         energy=options["medium_energy"],
+        log_j=options["log_j"],
         regulariser=options["regulariser"],
         parameters=parse_parameters(options["parameters"]),
     )

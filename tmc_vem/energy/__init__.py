@@ -8,6 +8,7 @@ from tmc_vem.energy.registry import (
     PAPER_DENSITIES,
     PAPER_MEDIUM,
     REGULARISERS,
+    SOLIDS,
     Energy,
     Regulariser,
     energy_name,
@@ -22,6 +23,7 @@ __all__ = [
     "PAPER_DENSITIES",
     "PAPER_MEDIUM",
     "REGULARISERS",
+    "SOLIDS",
     "Energy",
     "Regulariser",
     "energy_name",
@@ -33,11 +35,11 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """Built-in energies and regularisers by name, so that ``tmc_vem.energy:medium_angle`` names one."""
-    for table in (DENSITIES, REGULARISERS):
+    for table in (DENSITIES, SOLIDS, REGULARISERS):
         if name in table:
             return table[name]
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *DENSITIES, *REGULARISERS})
+    return sorted({*globals(), *DENSITIES, *SOLIDS, *REGULARISERS})

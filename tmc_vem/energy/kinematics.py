@@ -1,8 +1,9 @@
-"""Plane-strain kinematics from the deformation gradient and its gradient.
+"""Kinematics of plane problems from the deformation gradient and its gradient.
 
-``F[i][j] = delta_ij + d u_i / d X_j`` and ``G[i][j][k] = d^2 u_i / (d X_j d X_k)``. All eight components of
-``G`` are treated as independent: the projected gradient of the virtual element method is not curl-free, so
-``G[i][j][k]`` and ``G[i][k][j]`` may differ there.
+``F[i][j] = delta_ij + d u_i / d X_j`` and ``G[i][j][k] = d^2 u_i / (d X_j d X_k)``. The third direction is a principal
+one: ``F[2][2]`` is its stretch, 1 in plane strain and the same everywhere, and ``F[i][2] = F[2][i] = 0``. All eight
+components of ``G`` are treated as independent: the projected gradient of the virtual element method is not curl-free,
+so ``G[i][j][k]`` and ``G[i][k][j]`` may differ there.
 
 Every function uses indexing and arithmetic only, so it accepts numbers, numpy arrays, UFL expressions and the
 symbols of the code generator alike.
@@ -18,14 +19,42 @@ Tensor = Any  # anything indexable as F[i][j] or G[i][j][k]
 AXES = (0, 1)
 
 
+def stretch_across(F: Tensor) -> Scalar:
+    """``F[2][2]``, the stretch across the plane: 1 in plane strain, and for an F of two rows and columns only."""
+    try:
+        return F[2][2]
+    except IndexError:
+        return 1
+
+
 def det(F: Tensor) -> Scalar:
     """Jacobian J = det F."""
-    return F[0][0] * F[1][1] - F[0][1] * F[1][0]
+    return stretch_across(F) * _det_in_plane(F)
 
 
 def trace_c(F: Tensor) -> Scalar:
-    """Trace of the three-dimensional C = F^T F in plane strain: F:F + 1, since F33 = 1."""
-    return F[0][0] * F[0][0] + F[1][0] * F[1][0] + F[0][1] * F[0][1] + F[1][1] * F[1][1] + 1
+    """First invariant I1 of C = F^T F, its trace: F:F."""
+    return _squares_in_plane(F) + stretch_across(F) ** 2
+
+
+def second_invariant(F: Tensor) -> Scalar:
+    """Second invariant I2 of C = F^T F: the trace of its cofactor."""
+    in_plane, across = _det_in_plane(F), stretch_across(F)
+    return in_plane * in_plane + across**2 * _squares_in_plane(F)
+
+
+def _det_in_plane(F: Tensor) -> Scalar:
+    return F[0][0] * F[1][1] - F[0][1] * F[1][0]
+
+
+def _squares_in_plane(F: Tensor) -> Scalar:
+    return F[0][0] * F[0][0] + F[1][0] * F[1][0] + F[0][1] * F[0][1] + F[1][1] * F[1][1]
+
+
+def strain(F: Tensor) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+    """Green-Lagrange strain ``E = (C - I)/2``: its components E11, E22, E12 and E33."""
+    C = [[F[0][i] * F[0][j] + F[1][i] * F[1][j] for j in AXES] for i in AXES]
+    return (C[0][0] - 1) / 2, (C[1][1] - 1) / 2, C[0][1] / 2, (stretch_across(F) ** 2 - 1) / 2
 
 
 def laplacian(G: Tensor) -> list[Scalar]:
@@ -35,7 +64,8 @@ def laplacian(G: Tensor) -> list[Scalar]:
 
 def gradient_of_det(F: Tensor, G: Tensor) -> list[Scalar]:
     """grad J = cof F : grad F, equation (17) of Xu & Wriggers (2026)."""
-    return [F[1][1] * G[0][0][k] - F[1][0] * G[0][1][k] - F[0][1] * G[1][0][k] + F[0][0] * G[1][1][k] for k in AXES]
+    in_plane = [F[1][1] * G[0][0][k] - F[1][0] * G[0][1][k] - F[0][1] * G[1][0][k] + F[0][0] * G[1][1][k] for k in AXES]
+    return [stretch_across(F) * component for component in in_plane]
 
 
 def gradient_of_log_det(F: Tensor, G: Tensor) -> list[Scalar]:

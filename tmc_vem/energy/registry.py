@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from tmc_vem.energy import densities
 from tmc_vem.energy import kinematics as kin
 from tmc_vem.energy.declare import declare, declared
+from tmc_vem.energy.solids import LOG, MODELS, NEO_HOOKE, VOLUMETRIC, Density, solid_density, solid_name
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import require_choice
 
-_PASSED_ON = ("objective", "stress_free", "max_rotation")  # what is true of a regulariser is true of its medium
-
-Density = Callable[[Any, Any, Any, Any], Any]
+_PASSED_ON = ("objective", "stress_free", "max_rotation", "domain")  # true of a regulariser and its medium
 
 
 @dataclass(frozen=True)
@@ -72,31 +70,49 @@ def get_regulariser(name: str) -> Regulariser:
     return REGULARISERS[name]
 
 
-def hyperelastic_solid() -> Energy:
-    """Solid (2) with parameters ``K`` and ``mu``."""
-    return Energy("solid", densities.solid, ("K", "mu"), "hyperelastic solid (2)")
+def hyperelastic_solid(model: str = NEO_HOOKE, volumetric: str = LOG) -> Energy:
+    """Solid by name, the paper's (2) with parameters ``K`` and ``mu`` by default.
+
+    Args:
+        model: one of :data:`tmc_vem.energy.solids.MODELS`.
+        volumetric: one of :data:`tmc_vem.energy.solids.VOLUMETRIC`; no matter for a model that is not split.
+
+    Raises:
+        InputError: there is none of that name.
+    """
+    require_choice("model", model, MODELS)
+    require_choice("volumetric", volumetric, VOLUMETRIC)
+    of = MODELS[model]
+    name = solid_name(of, volumetric)
+    if name == "solid":
+        return Energy(name, densities.solid, ("K", "mu"), "hyperelastic solid (2)")
+    with_part = "" if name == model else f" with volumetric part '{volumetric}'"
+    return Energy(name, solid_density(of, volumetric), ("K", *of.parameters), f"{of.title} solid{with_part}")
 
 
-def energy_name(regulariser: Regulariser, damped: bool, medium: str = PAPER_MEDIUM) -> str:
+def energy_name(regulariser: Regulariser, damped: bool, medium: str = PAPER_MEDIUM, *, volumetric: bool = False) -> str:
     """Name of the third medium's energy, used for kernels and golden files."""
     kind = "" if medium == PAPER_MEDIUM else f"{medium}_"
-    return f"medium_{kind}{regulariser.name}{'_damped' if damped else ''}"
+    return f"medium_{kind}{regulariser.name}{'_damped' if damped else ''}{'_log_j' if volumetric else ''}"
 
 
-def third_medium(regulariser: Regulariser, *, damped: bool, medium: str = PAPER_MEDIUM) -> Energy:
+def third_medium(
+    regulariser: Regulariser, *, damped: bool, medium: str = PAPER_MEDIUM, volumetric: bool = False
+) -> Energy:
     """Third medium (4), ``gamma (psi_m + alpha_r psi_r)``; damped: ``psi_r`` times ``exp(-beta J)`` as in (8).
 
-    ``medium`` is one of :data:`MEDIA`, psi_m.
+    ``medium`` is one of :data:`MEDIA`, psi_m. With ``volumetric``, psi_m has in addition the volumetric part of the
+    solid (2), ``log_j mu/2 (ln J)^2``: log_j is the bulk modulus relative to mu.
 
     The factor stands inside the energy, as in the paper's Appendix B, so the tangent is symmetric. ``alpha_r`` is
     a modulus times a length squared, that is a force: psi_m is an energy per volume, and the psi_r of Table 1 have the
     unit of one over length squared. The kernel takes the values in the order mu, gamma,
-    alpha_r, beta (if damped), then the regulariser's own.
+    alpha_r, beta (if damped), log_j (if volumetric), then the regulariser's own.
 
     Raises:
         InputError: a parameter of the regulariser has the name of one of these.
     """
-    own = ("mu", "gamma", "alpha_r", *(("beta",) if damped else ()))
+    own = ("mu", "gamma", "alpha_r", *(("beta",) if damped else ()), *(("log_j",) if volumetric else ()))
     taken = [name for name in regulariser.parameters if name in own]
     if taken:
         raise InputError(f"regulariser '{regulariser.name}': the medium has a parameter '{taken[0]}' too; rename it")
@@ -109,19 +125,32 @@ def third_medium(regulariser: Regulariser, *, damped: bool, medium: str = PAPER_
         psi_r = regulariser.density(F, G, p, m)
         if damped:
             psi_r = m.exp(-p.beta * kin.det(F)) * psi_r
-        return p.gamma * (psi_m(F, G, p, m) + p.alpha_r * psi_r)
+        psi = psi_m(F, G, p, m)
+        if volumetric:
+            log_j = m.log(kin.det(F))
+            psi = psi + p.log_j * p.mu / 2 * log_j * log_j
+        return p.gamma * (psi + p.alpha_r * psi_r)
 
     kind = "third medium" if medium == PAPER_MEDIUM else f"{medium} third medium"
-    damping = " with exp(-beta J)" if damped else ""
+    damping = (" with exp(-beta J)" if damped else "") + (" and (ln J)^2" if volumetric else "")
     return Energy(
-        energy_name(regulariser, damped, medium),
+        energy_name(regulariser, damped, medium, volumetric=volumetric),
         density,
         (*own, *regulariser.parameters),
         f"{kind} (4) with regulariser {regulariser.title}{damping}",
     )
 
 
-# All energies by name: the paper's, and those with our own medium or regularisers.
+# Solids by the names of their energies; with "neo_hooke", by which the model of the paper's solid is called.
+SOLIDS: dict[str, Energy] = {
+    NEO_HOOKE: hyperelastic_solid(),
+    **{
+        energy.name: energy
+        for energy in (hyperelastic_solid(model, volumetric) for model in MODELS for volumetric in VOLUMETRIC)
+    },
+}
+
+# Energies by name: the paper's, and those with our own medium or regularisers; other solids are in SOLIDS.
 DENSITIES: dict[str, Energy] = {
     energy.name: energy
     for energy in (

@@ -10,6 +10,7 @@ from codegen.integrand import Integrand, second_gradient_energy
 from tmc_vem.energy import Energy, hyperelastic_solid, third_medium
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.materials import Material, Medium
+from tmc_vem.problems.moduli import Moduli
 from tmc_vem.problems.probes import Probe
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
@@ -28,15 +29,24 @@ class RegionEnergy:
         values: of the density's parameters.
         is_medium: whether it is the third medium.
         hold: ``"medium"`` for a solid that may have no supports of its own, as the medium is meant to hold it.
+        material: of a solid that has one by name, which knows its moduli at small strains.
     """
 
     energy: Energy
     values: Mapping[str, float]
     is_medium: bool = False
     hold: str | None = None
+    material: Material | None = None
 
     def __post_init__(self) -> None:
         check_hold(self.hold, self.is_medium)
+
+    @property
+    def moduli(self) -> Moduli | None:
+        """K and mu at small strains, if they are known."""
+        if self.material is not None:
+            return self.material.moduli
+        return Moduli(self.values["K"], self.values["mu"]) if self.energy.name == "solid" else None
 
     @property
     def integrand(self) -> Integrand:
@@ -60,19 +70,23 @@ def check_hold(hold: str | None, is_medium: bool) -> None:
 
 def solid_region(material: Material, hold: str | None = None) -> RegionEnergy:
     """Region of a hyperelastic solid."""
-    return RegionEnergy(hyperelastic_solid(), {"K": material.K, "mu": material.mu}, hold=hold)
+    energy = hyperelastic_solid(material.model, material.volumetric)
+    return RegionEnergy(energy, material.values, hold=hold, material=material)
 
 
 def medium_region(medium: Medium, mu: float, h: float | None = None) -> RegionEnergy:
-    """Region of third medium, with the shear modulus of the solid around it and the initial width of the gap.
+    """Region of third medium, with the shear modulus of the solid around it, at small strains, and the initial width of
+    the gap.
 
     Raises:
         InputError: the medium has alpha, and the width is not known.
     """
     regulariser, parameters = medium.resolve()
-    energy = third_medium(regulariser, damped=medium.beta > 0.0, medium=medium.energy)
+    energy = third_medium(regulariser, damped=medium.beta > 0.0, medium=medium.energy, volumetric=medium.log_j > 0.0)
     weight = medium.weight(mu, h)
     values = {"mu": mu, "gamma": medium.gamma, "alpha_r": weight, "beta": medium.beta, **parameters}
+    if medium.log_j > 0.0:
+        values["log_j"] = medium.log_j
     return RegionEnergy(energy, values, is_medium=True)
 
 

@@ -142,7 +142,7 @@ class Bodies:
         return {
             "beam": solid_region(self.beam),
             "discs": solid_region(self.disc, hold="medium" if self.case == 2 else None),
-            "medium": medium_region(self.medium, self.beam.mu, self.gap0),
+            "medium": medium_region(self.medium, self.beam.moduli.mu, self.gap0),
         }
 
     def prescribed(self) -> Sequence[Prescribed]:
@@ -175,9 +175,9 @@ class Bodies:
         return {
             "problem": self.name,
             **{name: getattr(self, name) for name in numbers},
-            "beam": {"K": self.beam.K, "mu": self.beam.mu},
-            "disc": {"K": self.disc.K, "mu": self.disc.mu},
-            "medium": self.medium.as_dict(self.beam.mu, self.gap0),
+            "beam": self.beam.as_dict(),
+            "disc": self.disc.as_dict(),
+            "medium": self.medium.as_dict(self.beam.moduli.mu, self.gap0),
         }
 
     def _size(self, points: Float) -> Float:

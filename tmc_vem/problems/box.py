@@ -133,7 +133,7 @@ class Box:
         """Solid wall and medium in the cavity."""
         return {
             "solid": solid_region(self.material),
-            "medium": medium_region(self.medium, self.material.mu, self.height - 2.0 * self.wall),
+            "medium": medium_region(self.medium, self.material.moduli.mu, self.height - 2.0 * self.wall),
         }
 
     def prescribed(self) -> Sequence[Prescribed]:
@@ -168,8 +168,8 @@ class Box:
             "wall": self.wall,
             "medium_refinement": self.medium_refinement,
             "cell_kind": self.cell_kind,
-            "material": {"K": self.material.K, "mu": self.material.mu},
-            "medium": self.medium.as_dict(self.material.mu, self.height - 2.0 * self.wall),
+            "material": self.material.as_dict(),
+            "medium": self.medium.as_dict(self.material.moduli.mu, self.height - 2.0 * self.wall),
         }
 
 

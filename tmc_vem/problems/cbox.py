@@ -111,7 +111,7 @@ class CBox:
         """Solid C and medium in the cavity and to its right."""
         return {
             "solid": solid_region(self.material),
-            "medium": medium_region(self.medium, self.material.mu, self.height - 2.0 * self.wall),
+            "medium": medium_region(self.medium, self.material.moduli.mu, self.height - 2.0 * self.wall),
         }
 
     def prescribed(self) -> Sequence[Prescribed]:
@@ -143,8 +143,8 @@ class CBox:
             "height": self.height,
             "wall": self.wall,
             "column_cells": self.column_cells,
-            "material": {"K": self.material.K, "mu": self.material.mu},
-            "medium": self.medium.as_dict(self.material.mu, self.height - 2.0 * self.wall),
+            "material": self.material.as_dict(),
+            "medium": self.medium.as_dict(self.material.moduli.mu, self.height - 2.0 * self.wall),
         }
 
     def _lines(self, parts: int = 1) -> tuple[Any, Any]:

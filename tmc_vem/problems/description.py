@@ -163,7 +163,10 @@ class MediumTable:
     regulariser: str = field(default="angle", metadata=same_as(Medium, "regulariser"))
     parameters: Mapping[str, float] = field(default_factory=dict, metadata=same_as(Medium, "parameters"))
     mu: float | None = field(
-        default=None, metadata=about("Shear modulus that gamma multiplies.", none="that of all solids, if it is one")
+        default=None,
+        metadata=about(
+            "Shear modulus that gamma multiplies.", none="that of all solids at small strains, if it is one"
+        ),
     )
     alpha: float | None = field(default=None, metadata=same_as(Medium, "alpha"))
     h: float | None = field(
@@ -174,6 +177,7 @@ class MediumTable:
         ),
     )
     energy: str = field(default=Medium.energy, metadata=same_as(Medium, "energy"))
+    log_j: float = field(default=Medium.log_j, metadata=same_as(Medium, "log_j"))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "alpha_r", chosen_weight(self.alpha_r, self.alpha))
@@ -189,7 +193,7 @@ class RegionTable:
 
     Attributes:
         shape: combination of shapes, such as ``"frame - (seal + lid)"``.
-        solid: hyperelastic solid (2), ``{K = 20, mu = 10}``.
+        solid: hyperelastic solid, ``{K = 20, mu = 10}`` for (2).
         medium: third medium.
         density: energy of your own, ``FILE.py:FUNCTION``, the file relative to the problem file.
         parameters: of that energy.

@@ -105,12 +105,14 @@ def of_displacements(mesh: PolygonMesh, prescribed: Sequence[Prescribed], loads:
 
 
 def of_moduli(regions: Mapping[str, RegionEnergy]) -> list[str]:
-    """Warnings about moduli of solids."""
+    """Warnings about solids: ratios of their moduli, and strains at which their models lose stiffness."""
     found = []
     for name, region in regions.items():
-        K, mu = region.values.get("K"), region.values.get("mu")
-        if region.is_medium or K is None or mu is None or region.energy.name != "solid":
+        if region.material is not None:
+            found += [f"region '{name}' {doubt}" for doubt in region.material.doubts()]
+        if region.moduli is None:
             continue
+        K, mu = region.moduli.K, region.moduli.mu
         ratio = K / mu
         said = f"region '{name}' has K / mu = {K:g} / {mu:g} = {ratio:.3g}"
         if ratio > ABSURD:

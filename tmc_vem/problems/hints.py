@@ -231,7 +231,7 @@ class _Scene:
 
     def _draws_in(self, medium: str) -> bool:
         """Whether a free side of a medium is drawn in where it is squeezed; see docs/solver.md."""
-        return self.regions[medium].energy.name not in DRAWS_NOTHING_IN
+        return self.regions[medium].energy.name.removesuffix("_log_j") not in DRAWS_NOTHING_IN
 
     def _held(self, chain: Int) -> bool:
         """Whether the medium is held on a side of the chain, across it: by symmetry, for example."""

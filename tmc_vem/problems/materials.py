@@ -10,22 +10,12 @@ from typing import Any
 
 from tmc_vem.energy import MEDIA, PAPER_MEDIUM, REGULARISERS, Regulariser
 from tmc_vem.problems.regularisers import RegulariserLike, resolve_regulariser
+from tmc_vem.problems.solids import Material
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.settings import about, described
 from tmc_vem.support.validation import check_fields, require_positive
 
-
-@dataclass(frozen=True)
-class Material:
-    """Hyperelastic solid (2): bulk modulus K and shear modulus mu (force per area)."""
-
-    K: float
-    mu: float
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        require_positive("K", self.K, "the bulk modulus, 20 for the box of the paper")
-        require_positive("mu", self.mu, "the shear modulus, 10 for the box of the paper")
+__all__ = ["Material", "Medium", "chosen_weight"]
 
 
 @described
@@ -67,6 +57,13 @@ class Medium:
             choices=tuple(MEDIA),
         ),
     )
+    log_j: float = field(
+        default=0.0,
+        metadata=about(
+            "Bulk modulus of the medium relative to mu: log_j mu/2 (ln J)^2 is added to it, 0 for none.",
+            detail="As in the solid (2), and scaled by gamma like the rest of the medium.",
+        ),
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -76,6 +73,8 @@ class Medium:
             raise InputError(
                 f"beta = {self.beta:g} must not be negative: 5 damps as in the paper, 0 switches damping off"
             )
+        if not (math.isfinite(self.log_j) and self.log_j >= 0.0):
+            raise InputError(f"log_j = {self.log_j:g} must not be negative: 0 is the paper's medium, 1 has K = mu")
         self.resolve()
 
     def resolve(self) -> tuple[Regulariser, dict[str, float]]:
@@ -122,6 +121,7 @@ class Medium:
             **({} if self.alpha is None or h is None else {"h": h}),
             "beta": self.beta,
             **({} if self.energy == PAPER_MEDIUM else {"energy": self.energy}),
+            **({} if self.log_j == 0.0 else {"log_j": self.log_j}),
             "regulariser": self.regulariser if isinstance(self.regulariser, str) else regulariser.name,
             **({"parameters": parameters} if parameters else {}),
         }

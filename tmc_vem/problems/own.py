@@ -35,6 +35,8 @@ Int = NDArray[np.int64]
 OUTSIDE = "outside"
 # Points and edges belong to a line, circle or box up to this fraction of the mesh's extent.
 ON = 1e-6
+# Shear moduli are one if they differ by this fraction: E and nu say the same as K and mu up to rounding.
+SAME_MODULUS = 1e-9
 
 
 @dataclass(frozen=True)
@@ -128,11 +130,16 @@ class OwnProblem:
         if self.table.mesh.file is not None:
             plain["mesh"]["content"] = hashlib.sha256(self._mesh_file.read_bytes()).hexdigest()[:16]
         for name, region in plain["regions"].items():
+            solid = self.table.regions[name].solid
+            if solid is not None:
+                region["solid"] = solid.as_dict()
             table = self.table.regions[name].medium
             if table is not None and table.alpha is not None:
                 region["medium"] |= {"alpha_r": self._regions[name].values["alpha_r"], "h": self._width(table)}
             if table is not None and table.energy == MediumTable.energy:  # as before there was a choice
                 del region["medium"]["energy"]
+            if table is not None and table.log_j == MediumTable.log_j:
+                del region["medium"]["log_j"]
         if self.table.mesh.cracks == "join":  # as before there was a choice
             del plain["mesh"]["cracks"]
         media = [region["medium"] for region in plain["regions"].values() if "medium" in region]
@@ -142,7 +149,7 @@ class OwnProblem:
 
     @cached_property
     def _regions(self) -> Mapping[str, RegionEnergy]:
-        moduli = {region.solid.mu for region in self.table.regions.values() if region.solid is not None}
+        moduli = [region.solid.moduli.mu for region in self.table.regions.values() if region.solid is not None]
         found = {}
         for name, region in self.table.regions.items():
             try:
@@ -158,13 +165,15 @@ class OwnProblem:
                 raise InputError(f"regions: {name}: {error}") from None
         return found
 
-    def _medium(self, table: MediumTable, moduli: set[float]) -> RegionEnergy:
-        values = {key: getattr(table, key) for key in ("gamma", "alpha_r", "alpha", "beta", "energy", "parameters")}
+    def _medium(self, table: MediumTable, moduli: Sequence[float]) -> RegionEnergy:
+        values = {
+            key: getattr(table, key) for key in ("gamma", "alpha_r", "alpha", "beta", "energy", "log_j", "parameters")
+        }
         mu = table.mu
         if mu is None:
-            if len(moduli) != 1:
+            if not moduli or max(moduli) - min(moduli) > SAME_MODULUS * max(moduli):
                 raise InputError("medium lacks 'mu': the solids have several shear moduli or none, so say which")
-            (mu,) = moduli
+            mu = moduli[0]
         medium = Medium(**values, regulariser=self._found(table.regulariser))
         return medium_region(medium, mu, self._width(table))
 

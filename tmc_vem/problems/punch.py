@@ -111,11 +111,11 @@ class Punch:
 
     def regions(self) -> Mapping[str, RegionEnergy]:
         """Block, punch and the medium around them."""
-        punch = Material(self.stiffness * self.material.K, self.stiffness * self.material.mu)
+        punch = self.material.stiffer(self.stiffness)
         return {
             "block": solid_region(self.material),
             "punch": solid_region(punch),
-            "medium": medium_region(self.medium, self.material.mu, self.gap0),
+            "medium": medium_region(self.medium, self.material.moduli.mu, self.gap0),
         }
 
     def prescribed(self) -> Sequence[Prescribed]:
@@ -140,8 +140,8 @@ class Punch:
         return {
             "problem": self.name,
             **{name: getattr(self, name) for name in numbers},
-            "material": {"K": self.material.K, "mu": self.material.mu},
-            "medium": self.medium.as_dict(self.material.mu, self.gap0),
+            "material": self.material.as_dict(),
+            "medium": self.medium.as_dict(self.material.moduli.mu, self.gap0),
         }
 
     def _size(self, points: Float) -> Float:

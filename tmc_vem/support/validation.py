@@ -108,9 +108,10 @@ def build(cls: type[T], data: Any, where: str, given: Mapping[str, Any] | None =
         raise InputError(f"{where} = {shown(data)} must be a table of names and values")
     given = dict(given or {})
     fields = {field.name: field for field in dataclasses.fields(cls) if field.init}  # type: ignore[arg-type]
-    require_known(data, [name for name in fields if name not in given], where)
+    keys = {key_of(name): name for name in fields if name not in given}
+    require_known(data, keys, where)
     hints = _hints(cls)
-    values = {name: conform(value, hints[name], f"{where}: {name}") for name, value in data.items()} | given
+    values = {keys[key]: conform(value, hints[keys[key]], f"{where}: {key}") for key, value in data.items()} | given
     for name, field in fields.items():
         has_default = field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING
         if name not in values and not has_default:
@@ -119,6 +120,11 @@ def build(cls: type[T], data: Any, where: str, given: Mapping[str, Any] | None =
         return cls(**values)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
+
+
+def key_of(name: str) -> str:
+    """What a field is called in a table: without the underscore at the end of words that Python keeps to itself."""
+    return name.removesuffix("_")
 
 
 def check_fields(instance: Any) -> None:
@@ -132,7 +138,7 @@ def check_fields(instance: Any) -> None:
     hints = _hints(type(instance))
     for field in dataclasses.fields(instance):
         value = getattr(instance, field.name)
-        conformed = conform(value, hints[field.name], field.name)
+        conformed = conform(value, hints[field.name], key_of(field.name))
         if conformed is not value:
             object.__setattr__(instance, field.name, conformed)
         said = about_of(field)
