@@ -171,10 +171,14 @@ def test_cells_that_are_inverted_are_counted_once_by_region() -> None:
     polygons = SimpleNamespace(region_c=np.array([0, 1, 1, 2, 2]), region_names=("a", "b", "c"))
     dense = np.array([1.0, 0.0, -1.0, np.nan, 1.0])
     system = SimpleNamespace(
-        output_polygons=lambda: polygons, dense_jacobians=lambda u: dense, comm=Ranks(0, other=np.array([0, 4, 0]))
+        output_polygons=lambda: polygons,
+        dense_jacobians=lambda u: dense,
+        comm=Ranks(0, other=np.array([(0, 0.5), (4, 0.25), (0, 0.125)])),
     )
     made = recorder(system=system, timer=lambda _: Ranks.__new__(Ranks) and _Nothing(), _inverted={}, history=[])
-    assert made._count_inverted(None) == {"b": 6, "c": 1}  # type: ignore[arg-type]
+    found = made._between_the_points(None)  # type: ignore[arg-type]
+    assert found["inverted_cells"] == {"b": 6, "c": 1}
+    assert [found["dense_min_j"][name] for name in "ab"] == [0.5, -1.0]
     made.history = [SimpleNamespace(load=0.25)]  # type: ignore[list-item]
     made.step_failed(None)  # type: ignore[arg-type]
     assert made._inverted == {"inverted_from": 0.25}

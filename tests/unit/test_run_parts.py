@@ -126,14 +126,15 @@ def test_the_result_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
         inputs={"i": 1}, timer=Phase(), findings=[Finding(WARNING, "c")], _order=2, _inverted={"inverted_from": 0.25},
         _facts={"inputs": {"i": 1}, "versions": {}, "n_cells": 5, "n_dofs": 6, "projection_degrees": {}, "media": ()},
         _snapshots=SimpleNamespace(directory=Path("a"), write=lambda *given: said.append(given)),
-        _imbalance=lambda r: 0.125, _count_inverted=lambda u: {"m": 2}, _units=lambda record: {"of": record.step},
+        _imbalance=lambda r: 0.125, _between_the_points=lambda u: {"inverted_cells": {"m": 2}, "dense_min_j": {"m": -1.0}},
+        _units=lambda record: {"of": record.step},
     )  # fmt: skip
     outcome = SteppingResult(0.5, False, "why", 7, 11, None, 13, "PORD")
     found = rec.finish(outcome, "u", "direct", cut_short=True)
     assert said == [(2, 0.75, "u"), ("residual", "u", "r")]
     assert found.checks == {
-        "imbalance": 0.125, "regulariser_energy": 9.0, "inverted_cells": {"m": 2}, "inverted_from": 0.25,
-        "energy_balance": {"lost": 1.0},
+        "imbalance": 0.125, "regulariser_energy": 9.0, "inverted_cells": {"m": 2}, "dense_min_j": {"m": -1.0},
+        "inverted_from": 0.25, "energy_balance": {"lost": 1.0},
     }  # fmt: skip
     assert (found.newton_iterations, found.cut_backs) == (2 * 8 + 7, 2 * 2 + 11)
     assert (found.errors, found.warnings, found.units) == (["b"], ["a", "c"], {"of": 2})

@@ -319,7 +319,7 @@ def test_after_a_jump_the_states_before_it_are_forgotten(monkeypatch: pytest.Mon
         kept.append(len(states))
         jumped.append(step.jumped)
 
-    stepper = LoadStepper(NewtonSolver(system, admission=Admission(1.0)), SteppingOptions(steps=3), keep)
+    stepper = LoadStepper(NewtonSolver(system, admission=Admission(1.0)), SteppingOptions(steps=3, smallest=0.01), keep)
     assert stepper.run(system.create_vector()).complete
     assert (kept, jumped) == ([2, 1, 2], [False, True, False])
     kept.clear()

@@ -15,6 +15,7 @@ from tmc_vem.results.records import StepRecord
 from tmc_vem.results.snapshots import Snapshot, _pieces, nearest, read_fields, record_of, snapshots
 from tmc_vem.results.vtu import VtuWriter
 from tmc_vem.simulation.recorder import Recorder
+from tmc_vem.solve.stepping import StepperState
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
 from tmc_vem.system.fields import Fields, Polygons, write_pvd, write_pvtu
@@ -159,7 +160,7 @@ def test_a_run_goes_on_with_all_that_its_checkpoint_has(tmp_path: Path, monkeypa
     facts = {
         "inputs": {"a": 1}, "controls": [[0.25], [0.5]], "history": [dict(vars(record)) for record in history],
         "snapshots": [[0.5, ["x.vtu"]]],
-        "position": {"time": 0.5, "size": 0.125, "number": 2, "stiffer": [[0.25, 10.0]]},
+        "position": {"time": 0.5, "size": 0.125, "number": 2, "stiffer": [[0.25, 10.0]], "far_at": 0.75, "rate": 1.5},
     }  # fmt: skip
     labels = np.zeros((1, 3))
     checkpoint = SimpleNamespace(facts=facts, values_at=lambda given: np.array([[[1.0, 2.0]], [[3.0, 4.0]]]))
@@ -177,7 +178,7 @@ def test_a_run_goes_on_with_all_that_its_checkpoint_has(tmp_path: Path, monkeypa
     assert [vector.getArray().tolist() for vector in states.vectors] == [[1.0, 2.0], [3.0, 4.0]]
     assert [control.tolist() for control in states.controls] == [[0.25], [0.5]]
     assert u.getArray().tolist() == [3.0, 4.0]
-    assert vars(position) == {"time": 0.5, "size": 0.125, "number": 2, "stiffer": ((0.25, 10.0),)}
+    assert position == StepperState(0.5, 0.125, 2, ((0.25, 10.0),), 0.75, 1.5)
     assert said == [("watch", history), ("history", history, {"of": 2}), ("snapshots", [[0.5, ["x.vtu"]]])]
     assert (made.history, made._seconds_before, made._plain_history[1]["step"]) == (history, 7.5, 2)
     made.inputs = {"a": 2}
