@@ -74,8 +74,8 @@ def hyperelastic_solid(model: str = NEO_HOOKE, volumetric: str = LOG) -> Energy:
     """Solid by name, the paper's (2) with parameters ``K`` and ``mu`` by default.
 
     Args:
-        model: one of :data:`tmc_vem.energy.solids.MODELS`.
-        volumetric: one of :data:`tmc_vem.energy.solids.VOLUMETRIC`; no matter for a model that is not split.
+        model: one of ``MODELS`` of :mod:`tmc_vem.energy.solids`.
+        volumetric: one of its ``VOLUMETRIC``; no matter for a model that is not split.
 
     Raises:
         InputError: there is none of that name.
