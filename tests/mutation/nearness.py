@@ -21,6 +21,7 @@ NAMED = 5.0  # how much likelier a test file that is called like a module sees i
 # Python whose functions call the C of a folder: what runs them runs it.
 CALLERS = {
     "tmc_vem/vem/kernel": ("tmc_vem/vem/kernel/cells.py", "tmc_vem/vem/kernel/batch.py"),
+    "tmc_vem/vem/facets": ("tmc_vem/vem/facets/compiled.py", "tmc_vem/vem/facets/batch.py"),
     "codegen": ("codegen/kernel.py",),
 }
 

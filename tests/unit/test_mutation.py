@@ -10,7 +10,7 @@ from mutation import explained, measure, show
 from mutation.c_sites import c_sites
 from mutation.command import main
 from mutation.judge import KILLED, SURVIVED, TIMEOUT, Judge, Outcome
-from mutation.nearness import Nearness
+from mutation.nearness import CALLERS, Nearness
 from mutation.python_sites import python_sites
 from mutation.sample import changes, draw, find, sites, sources
 from mutation.site import Mutant, mutants
@@ -166,6 +166,12 @@ def test_a_sample_hardly_changes_with_the_sources(tmp_path: Path) -> None:
     (tmp_path / file).write_text(text[:start] + "\nNEW = 3.0 + 4.0\n" + text[start:] + "\nLAST = NEW > 2\n")
     after = {mutant.key for mutant in draw(tmp_path, [file], 1, 30)}
     assert len(before & after) >= 28
+
+
+def test_every_source_in_c_has_python_that_calls_it() -> None:
+    for file in (file for file in sources(ROOT) if not file.endswith(".py")):
+        (callers,) = (files for folder, files in CALLERS.items() if file.startswith(f"{folder}/"))
+        assert all((ROOT / caller).is_file() for caller in callers), file
 
 
 def test_every_entry_of_the_explained_has_its_line() -> None:
