@@ -205,6 +205,8 @@ def pictures() -> dict[str, Record]:
     found["panels in a row"] = of_figure(panels.draw_panels(states, columns=3, width=8.0))
     with tempfile.TemporaryDirectory() as folder:
         found["animation"] = _animated(Path(folder))
+        fine = Box(cells=(80, 20)).make_mesh()
+        found["fine mesh"] = _of_saved(lambda: mesh_figure.draw_mesh(fine, Path(folder) / "mesh.png"))
         found["mesh"] = _of_saved(lambda: mesh_figure.draw_mesh(mesh, Path(folder) / "mesh.png", numbers=True))
     return found
 

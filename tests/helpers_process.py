@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -59,3 +60,8 @@ def tmc(
     return process(
         ["-c", "from tmc_vem.cli.main import main; main()", *arguments], ranks=ranks, cwd=cwd, timeout=timeout
     )
+
+
+def plain_words(error: BaseException) -> str:
+    """What an error says, without the names that numpy 2 gives to the types of its strings."""
+    return re.sub(r"np\.\w+_\((b?'[^']*')\)", r"\1", str(error))

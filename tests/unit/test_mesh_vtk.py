@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers_process import plain_words
 
 from tmc_vem.mesh.files import vtk, vtu
 from tmc_vem.mesh.files.record import Group, Reading, Record
@@ -128,7 +129,7 @@ def test_arrays_of_cells_that_do_not_fit(changes: dict[str, Any], message: str |
     for look in (cells.check, lambda: to_record(cells, Reading())):
         with pytest.raises(InputError) as refused:
             look()
-        assert str(refused.value) == message
+        assert plain_words(refused.value) == message
 
 
 # -- legacy files ------------------------------------------------------------------------------------------------------
@@ -320,7 +321,7 @@ def test_files_without_cells_or_points() -> None:
 def test_legacy_files_that_are_refused(content: bytes, message: str) -> None:
     with pytest.raises(InputError) as refused:
         parsed(content)
-    assert str(refused.value) == message
+    assert plain_words(refused.value) == message
 
 
 def test_lines_may_end_as_on_windows_and_the_last_without_an_end() -> None:
@@ -465,7 +466,7 @@ def test_xml_files_that_are_refused(content: bytes, message: str, tmp_path: Path
     (tmp_path / "a.vtu").write_bytes(content)
     with pytest.raises(InputError) as refused:
         vtu.read(tmp_path / "a.vtu", Reading())
-    assert str(refused.value) == message
+    assert plain_words(refused.value) == message
 
 
 def test_polygons_in_xml_and_pieces_without_cells(tmp_path: Path) -> None:

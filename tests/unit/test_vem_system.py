@@ -11,6 +11,7 @@ from helpers_system import CLAMPED, dense, interpolate, make_system, problem_sys
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.problems import Box, Medium
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.system.control import Control
 from tmc_vem.vem import insertion
@@ -329,3 +330,9 @@ def test_shared_edges_are_read_in_the_same_direction_by_both_cells(k):
                 assert rows[:, 1, 0] == pytest.approx(0.0 * x, abs=1e-9)
                 assert rows[:, 0, 1] == pytest.approx(y ** (k - 1), abs=1e-9)
                 assert rows[:, 1, 1] == pytest.approx((k - 1) * x * y ** (k - 2), abs=1e-9)
+
+
+def test_matrices_without_compressed_rows_are_left_to_petsc() -> None:
+    dense = PETSc.Mat().createDense((4, 4), comm=PETSc.COMM_SELF)
+    dense.assemble()
+    assert insertion._structure(dense) is None
