@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -205,7 +206,8 @@ def pictures() -> dict[str, Record]:
     found["panels in a row"] = of_figure(panels.draw_panels(states, columns=3, width=8.0))
     with tempfile.TemporaryDirectory() as folder:
         found["animation"] = _animated(Path(folder))
-        fine = Box(cells=(80, 20)).make_mesh()
+        named = {"left": np.array([[0, 1]]), "up": np.array([[1, 2]])}
+        fine = replace(Box(cells=(80, 20)).make_mesh(), named_edges=named)
         found["fine mesh"] = _of_saved(lambda: mesh_figure.draw_mesh(fine, Path(folder) / "mesh.png"))
         found["mesh"] = _of_saved(lambda: mesh_figure.draw_mesh(mesh, Path(folder) / "mesh.png", numbers=True))
     return found

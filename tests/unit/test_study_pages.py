@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import drawn
 import pytest
 
 from tmc_vem.report.page import Entry, Text
 from tmc_vem.report.richardson import Extrapolation
+from tmc_vem.report.tables import provenance
 from tmc_vem.study.paper import body_figures, box_figures, point_loads
 from tmc_vem.study.paper import table2 as second
 from tmc_vem.study.paper import table3 as third
@@ -192,3 +195,9 @@ def test_how_far_nodes_sink_in(monkeypatch: pytest.MonkeyPatch) -> None:
     second_run.steps = 1
     assert point_loads.sinking({"a": first, "b": second_run}) is None
     assert point_loads.creep(first, second_run) == 0.0
+
+
+def test_parameters_are_called_those_of_all_runs_if_there_are_several() -> None:
+    runs = {name: replace(run, seconds={"total": 1.0}) for name, run in drawn.runs().items()}
+    for some, title in ((runs, "Parameters of all runs."), ({"one": runs["FEM"]}, "Parameters.")):
+        assert provenance(some, "tmc-vem run box")[1].caption == title
