@@ -7,11 +7,12 @@ import pytest
 from helpers_mesh import SHAPES, regular, voronoi
 from helpers_oracle import powers
 
+from tmc_vem.vem.point_weights import _projection
 from tmc_vem.vem.spaces.candidates import cell_rule
 from tmc_vem.vem.spaces.composite import CompositeSpace
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 from tmc_vem.vem.spaces.macro import MacroSpace
-from tmc_vem.vem.spaces.quadrature import on_triangles, sub_triangles
+from tmc_vem.vem.spaces.quadrature import SYMMETRIC, fan, on_triangles, sub_triangles, triangle
 from tmc_vem.vem.spaces.rules import compressed, convex, on_sub_triangles
 from tmc_vem.vem.spaces.spaces import FullSpace, HarmonicSpace, Shapes
 from tmc_vem.vem.spaces.stability import stability_constants
@@ -97,3 +98,17 @@ def test_the_default_takes_few_points_on_quadrilaterals_only():
         assert few.w_sq.shape[1] <= 15
         piecewise = cell_rule(ElementSettings(rule="compressed"), CompositeSpace(2), polygon[None], triangles)
         assert piecewise.w_sq.shape[1] == 6 * triangles.shape[1]
+
+
+def test_triangles_without_a_hub_are_cut_in_three_where_a_rule_singles_out_a_corner():
+    """Fans from a hub are not, nor where the rule is symmetric."""
+    square = np.array([[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]])
+    two = np.stack([square[:, [0, 1, 2]], square[:, [0, 2, 3]]], axis=1)
+    for triangles, degree, pieces in ((two, SYMMETRIC, 2), (two, SYMMETRIC + 1, 6), (fan(square), SYMMETRIC + 1, 4)):
+        points, weights = on_triangles(triangles, degree)
+        assert points.shape[1] == weights.shape[1] == pieces * len(triangle(degree)[1])
+        assert weights.sum() == pytest.approx(1.0)
+
+
+def test_no_polygons_have_no_values():
+    assert _projection(np.empty((0, 4, 2)), 2, np.empty((0, 2))).shape == (0, 9)
