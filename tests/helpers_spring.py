@@ -7,21 +7,18 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
-from numpy.typing import NDArray
+from helpers_pair import Pair
 
 from tmc_vem.support.petsc import PETSc
-from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Evaluation, RegionValues
 
-Float = NDArray[np.float64]
 Of = Callable[[float, float], Any]
 
 
-class Spring:
+class Spring(Pair):
     """Energy of a free unknown x and a prescribed one d; by default k/2 (d - x)^2 + c/2 x^2 with c = k = 1."""
 
-    comm, size, depth, reach, worst = MPI.COMM_SELF, 1.0, 1.0, math.inf, "J = 1 in cell 0"
+    worst = "J = 1 in cell 0"
 
     def __init__(self, energy: Of | None = None, gradient: Of | None = None, hessian: Of | None = None) -> None:
         self.of = energy or (lambda x, d: 0.5 * (d - x) ** 2 + 0.5 * x**2)
@@ -29,25 +26,6 @@ class Spring:
         self.hessian = hessian or (lambda x, d: (2.0, -1.0, 1.0))
         self.tangents = self.evaluations = 0
         self.parameters: list[dict[str, float]] = []
-
-    def create_vector(self) -> Any:
-        vector = PETSc.Vec().createSeq(2, comm=self.comm)
-        vector.set(0.0)
-        return vector
-
-    def create_matrix(self) -> Any:
-        matrix = PETSc.Mat().createAIJ([2, 2], nnz=2, comm=self.comm)
-        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        return matrix
-
-    def constrained(self) -> NDArray[np.int32]:
-        return np.array([1], dtype=np.int32)
-
-    def prescribed(self, position: Control) -> Float:
-        return np.array([self.depth * position.load])
-
-    def prescribed_per_load(self, position: Control) -> Float:
-        return np.array([self.depth])
 
     def set_parameters(self, values: Mapping[str, float]) -> None:
         self.parameters.append(dict(values))
@@ -72,9 +50,6 @@ class Spring:
 
     def tangent_action(self, du: Any, out: Any) -> None:
         out.getArray()[:] = self._K @ du.getArray(readonly=True)
-
-    def max_step(self, u: Any, du: Any) -> float:
-        return self.reach
 
 
 def at(x: float, d: float) -> Any:

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
+from helpers_pair import Pair
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from tmc_vem.support.petsc import PETSc
-from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Evaluation, RegionValues
 
 Float = NDArray[np.float64]
 
 
-class Truss:
+class Truss(Pair):
     """A shallow truss of two bars, rise 1, pushed at its top through a spring; degrees of freedom: top, spring's end.
 
     Energy a/2 (v^2/2 - v)^2 + k/2 (d - v)^2; equilibrium a (v^2/2 - v) (v - 1) = k (d - v), d prescribed.
@@ -26,30 +23,7 @@ class Truss:
     a, k, depth = 1.0, 0.2, 3.0
 
     def __init__(self) -> None:
-        self.comm, self.size = MPI.COMM_SELF, 1.0
         self._K = np.zeros((2, 2))
-
-    def create_vector(self) -> Any:
-        vector = PETSc.Vec().createSeq(2, comm=self.comm)
-        vector.set(0.0)
-        return vector
-
-    def create_matrix(self) -> Any:
-        matrix = PETSc.Mat().createAIJ([2, 2], nnz=2, comm=self.comm)
-        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        return matrix
-
-    def constrained(self) -> NDArray[np.int32]:
-        return np.array([1], dtype=np.int32)
-
-    def prescribed(self, position: Control) -> Float:
-        return np.array([self.depth * position.load])
-
-    def prescribed_per_load(self, position: Control) -> Float:
-        return np.array([self.depth])
-
-    def set_parameters(self, values: Mapping[str, float]) -> None:
-        pass
 
     def bars(self, v: Any) -> tuple[Any, Any, Any]:
         """Energy, force and stiffness of the bars."""
@@ -77,12 +51,6 @@ class Truss:
 
     def tangent_action(self, du: Any, out: Any) -> None:
         out.getArray()[:] = self._K @ du.getArray(readonly=True)
-
-    def max_step(self, u: Any, du: Any) -> float:
-        return float("inf")
-
-    def point_displacements(self, u: Any, names: Sequence[str]) -> Float:
-        return np.zeros((len(names), 2))
 
     def reaction(self, residual: Any, where: str, component: int) -> float:
         return float(residual.getArray(readonly=True)[1])

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
-from mpi4py import MPI
+from helpers_pair import Pair
 from numpy.typing import NDArray
 from test_plausibility import findings, open_gap, record
 from test_report_contact import LOWER, UPPER, lowered, square, state
@@ -26,8 +26,6 @@ from tmc_vem.results.contact.contact import check_contact
 from tmc_vem.simulation.checkpoint import Checkpoint
 from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
 from tmc_vem.support.errors import InputError
-from tmc_vem.support.petsc import PETSc
-from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Evaluation, RegionValues
 
 Float = NDArray[np.float64]
@@ -37,7 +35,7 @@ INSIDE, OUTSIDE = 0.9, 1.1  # of a tolerance
 # -- Newton's method -------------------------------------------------------------------------------------------------
 
 
-class Rounding:
+class Rounding(Pair):
     """One free and one held degree of freedom, whose residual does as a list says: linear, but for what is left over.
 
     Args:
@@ -46,29 +44,11 @@ class Rounding:
         reaction: of the held one.
     """
 
+    depth = 0.0
+
     def __init__(self, residuals: Sequence[float], stiffness: float, reaction: float) -> None:
-        self.comm, self.size = MPI.COMM_SELF, 1.0
         self._values = itertools.chain(residuals, itertools.repeat(residuals[-1]))
         self._stiffness, self._reaction = stiffness, reaction
-
-    def create_vector(self) -> Any:
-        vector = PETSc.Vec().createSeq(2, comm=self.comm)
-        vector.set(0.0)
-        return vector
-
-    def create_matrix(self) -> Any:
-        matrix = PETSc.Mat().createAIJ([2, 2], nnz=2, comm=self.comm)
-        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        return matrix
-
-    def constrained(self) -> NDArray[np.int32]:
-        return np.array([1], dtype=np.int32)
-
-    def prescribed(self, position: Control) -> Float:
-        return np.array([0.0])
-
-    def set_parameters(self, values: Mapping[str, float]) -> None:
-        pass
 
     def energy(self, u: Any) -> Evaluation:
         return Evaluation(1.0, {"all": RegionValues(1.0, 1.0)}, "J = 1")
@@ -84,12 +64,6 @@ class Rounding:
 
     def tangent_action(self, du: Any, out: Any) -> None:
         out.getArray()[:] = du.getArray(readonly=True) * [self._stiffness, 1.0]
-
-    def max_step(self, u: Any, du: Any) -> float:
-        return float("inf")
-
-    def point_displacements(self, u: Any, names: Sequence[str]) -> Float:
-        return np.zeros((len(names), 2))
 
     def reaction(self, residual: Any, where: str, component: int) -> float:
         return self._reaction
