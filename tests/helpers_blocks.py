@@ -10,7 +10,7 @@ gap = ["tip", "ground"]
 [shapes]
 low = {{ rectangle = [0, 0, 1, 0.4] }}
 up = {{ rectangle = [{left}, 0.6, {right}, 1] }}
-between = {{ rectangle = [0, 0.4, 1, {top}] }}
+between = {{ rectangle = {frame} }}
 [regions.low]
 shape = "low"
 solid = {{ K = 20, mu = 10 }}
@@ -18,7 +18,7 @@ solid = {{ K = 20, mu = 10 }}
 shape = "up"
 solid = {{ K = 20, mu = 10 }}
 [regions.medium]
-shape = "between - up"
+shape = "between - low - up"
 medium = {{ {medium} }}
 [mesh]
 cells = "{cells}"
@@ -51,11 +51,12 @@ def blocks(directory: Path, solve: str = "", **values: object) -> Path:
         directory: where to write it.
         solve: lines of its [solve] table.
         values: left, right, top, medium, cells, size and uy, where they are not the usual ones; of the usual medium
-            also gamma and alpha_r.
+            also gamma and alpha_r; frame, a rectangle, for medium wherever it has no block, instead of top.
     """
     usual = {"left": 0, "right": 1, "top": 0.6, "gamma": 1e-4, "alpha_r": 0.01, "cells": "voronoi", "size": 0.1}
     chosen = {**usual, "uy": -0.25, "solve": solve, **values}
     chosen.setdefault("medium", f"gamma = {chosen['gamma']}, alpha_r = {chosen['alpha_r']}")
+    chosen.setdefault("frame", [0, 0.4, 1, chosen["top"]])
     path = directory / "blocks.toml"
     path.write_text(BLOCKS.format(**chosen))
     return path
