@@ -22,7 +22,9 @@ from tmc_vem.problems.materials import Medium
 from tmc_vem.simulation import RunOptions, run
 from tmc_vem.simulation.discretised import discretise
 from tmc_vem.solve.linear import LinearSolver
+from tmc_vem.support.distributed import Mat, Vec
 from tmc_vem.support.errors import ConvergenceError
+from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.interior_penalty import INTERIOR_PENALTIES
 from tmc_vem.vem.spaces.element_settings import ElementSettings
@@ -84,12 +86,15 @@ def box(
     }  # fmt: skip
 
 
+def _undeformed(mesh: str, n: int, kind: str) -> tuple[Discretisation, Mat, list[Vec]]:
+    """The box before any load, with a matrix and three vectors of its unknowns, all of them 0."""
+    system = discretise(BOXES[mesh](n, Medium(gamma=1e-5)), _options(kind), MPI.COMM_SELF)
+    return system, system.create_matrix(), [system.create_vector() for _ in range(3)]
+
+
 def factor(mesh: str, n: int, kind: str) -> dict[str, float]:
     """Unknowns, entries of the tangent and of its factor, and operations of the factorisation, before any load."""
-    problem = BOXES[mesh](n, Medium(gamma=1e-5))
-    system = discretise(problem, _options(kind), MPI.COMM_SELF)
-    u, residual, step = (system.create_vector() for _ in range(3))
-    matrix = system.create_matrix()
+    system, matrix, (u, residual, step) = _undeformed(mesh, n, kind)
     system.residual(u, residual)
     system.jacobian(u, matrix)
     solver = LinearSolver(matrix, MPI.COMM_SELF)
@@ -104,10 +109,7 @@ def factor(mesh: str, n: int, kind: str) -> dict[str, float]:
 
 def iteration_seconds(mesh: str, n: int, kind: str) -> dict[str, float]:
     """Unknowns, and median seconds of residual, tangent, and factorisation with solve, before any load."""
-    problem = BOXES[mesh](n, Medium(gamma=1e-5))
-    system = discretise(problem, _options(kind), MPI.COMM_SELF)
-    u, residual, step = (system.create_vector() for _ in range(3))
-    matrix = system.create_matrix()
+    system, matrix, (u, residual, step) = _undeformed(mesh, n, kind)
     solver = LinearSolver(matrix, MPI.COMM_SELF)
     system.jacobian(u, matrix)
     seconds: dict[str, list[float]] = {"residual": [], "tangent": [], "solve": []}

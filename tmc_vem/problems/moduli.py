@@ -36,7 +36,7 @@ def _of_E_lambda(E: float, lam: float) -> tuple[float, float]:
     return lam + 2.0 * mu / 3.0, mu
 
 
-def _of_lambda_nu(lam: float, nu: float) -> tuple[float, float]:
+def _of_nu_lambda(nu: float, lam: float) -> tuple[float, float]:
     mu = lam * (1.0 - 2.0 * nu) / (2.0 * nu)
     return lam + 2.0 * mu / 3.0, mu
 
@@ -52,7 +52,7 @@ _FROM: Mapping[tuple[str, str], Callable[[float, float], tuple[float, float]]] =
     ("mu", "lambda"): lambda mu, lam: (lam + 2.0 * mu / 3.0, mu),
     ("E", "nu"): lambda E, nu: (E / (3.0 * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))),
     ("E", "lambda"): _of_E_lambda,
-    ("nu", "lambda"): lambda nu, lam: _of_lambda_nu(lam, nu),
+    ("nu", "lambda"): _of_nu_lambda,
 }
 
 

@@ -136,10 +136,9 @@ class OwnProblem:
             table = self.table.regions[name].medium
             if table is not None and table.alpha is not None:
                 region["medium"] |= {"alpha_r": self._regions[name].values["alpha_r"], "h": self._width(table)}
-            if table is not None and table.energy == MediumTable.energy:  # as before there was a choice
-                del region["medium"]["energy"]
-            if table is not None and table.log_j == MediumTable.log_j:
-                del region["medium"]["log_j"]
+            for key in ("energy", "log_j"):  # as before there was a choice
+                if table is not None and getattr(table, key) == getattr(MediumTable, key):
+                    del region["medium"][key]
         if self.table.mesh.cracks == "join":  # as before there was a choice
             del plain["mesh"]["cracks"]
         media = [region["medium"] for region in plain["regions"].values() if "medium" in region]

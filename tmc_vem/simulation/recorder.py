@@ -270,9 +270,9 @@ class Recorder:
             smallest of a region, not a number if it is none anywhere.
         """
         polygons = self.system.output_polygons()
-        region_c, J = polygons.region_c, self.system.dense_jacobians(u)
-        mine = [(int((~(J[region_c == r] > 0.0)).sum()), float(J[region_c == r].min(initial=np.inf)))
-                for r in range(len(polygons.region_names))]  # fmt: skip
+        J_c = self.system.dense_jacobians(u)
+        by_region = [J_c[polygons.region_c == region] for region in range(len(polygons.region_names))]
+        mine = [(int((~(J > 0.0)).sum()), float(J.min(initial=np.inf))) for J in by_region]
         counts, smallest = np.moveaxis(np.array(self.system.comm.allgather(mine)), -1, 0)
         inverted = zip(polygons.region_names, counts.sum(axis=0).astype(int).tolist(), strict=True)
         return {
