@@ -137,6 +137,7 @@ def differentiate(traced: TracedEnergy) -> DerivedEnergy:
         hessian=hessian,
         plain_energy=plain_energy,
         plain_gradient=plain_gradient,
+        n_varying=traced.n_varying,
     )
 
 

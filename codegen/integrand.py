@@ -7,7 +7,7 @@ displacement, and the parameters that were declared.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -24,10 +24,17 @@ _DUALS = {DEFORMATION_GRADIENT.name: "P", SECOND_GRADIENT.name: "T"}
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number that is the same at all points of a region; ``default`` is its value where none is given."""
+    """A number that is the same at all points of a region, or of a cell.
+
+    Attributes:
+        name: of the number.
+        default: its value where none is given.
+        varies: whether every cell multiplies it with a factor of its own.
+    """
 
     name: str
     default: float | None = None
+    varies: bool = False
 
 
 @dataclass(frozen=True)
@@ -37,7 +44,7 @@ class Integrand:
     Attributes:
         name: for messages and generated code.
         inputs: what it reads of fields, in the order of the function's arguments.
-        parameters: what else it reads, in the order of the kernel's array.
+        parameters: what else it reads, in the order of the kernel's array; those that vary come last.
         function: takes the inputs as nested lists, ``p`` with the parameters as attributes and ``m`` with functions.
         description: a line about it.
     """
@@ -57,6 +64,17 @@ class Integrand:
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters in the kernel's order."""
         return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def n_varying(self) -> int:
+        """How many parameters vary from cell to cell."""
+        return sum(parameter.varies for parameter in self.parameters)
+
+    def varying(self, names: Iterable[str]) -> Integrand:
+        """The same with some parameters that vary from cell to cell, which come last in the order of ``names``."""
+        last = {name: number for number, name in enumerate(names)}
+        parameters = [replace(parameter, varies=parameter.name in last) for parameter in self.parameters]
+        return replace(self, parameters=tuple(sorted(parameters, key=lambda of: last.get(of.name, -1))))
 
     def of_fields(self, taken: Callable[[Take], Callable[[tuple[int, ...]], Any]], p: Any, m: Any) -> Any:
         """Value of the function.

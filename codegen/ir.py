@@ -19,7 +19,7 @@ class DerivedEnergy:
     ``gradient[a]`` is ``d psi / d x_a`` and ``hessian[n]`` belongs to the pair ``layout.upper_triangle[n]``.
     ``n_rows`` is the number of derivative rows up to the last that the energy depends on.
     ``energy`` and ``gradient`` are in the form that is accurate near F = I, ``plain_energy`` and ``plain_gradient`` in
-    the form that people read.
+    the form that people read. The last ``n_varying`` parameters vary from cell to cell.
     """
 
     name: str
@@ -31,6 +31,17 @@ class DerivedEnergy:
     hessian: tuple[SymExpr, ...]
     plain_energy: SymExpr
     plain_gradient: tuple[SymExpr, ...]
+    n_varying: int = 0
+
+    @property
+    def n_uniform(self) -> int:
+        """How many parameters, the first ones, are the same in all cells."""
+        return len(self.parameters) - self.n_varying
+
+    @property
+    def varying(self) -> tuple[str, ...]:
+        """The parameters that vary from cell to cell."""
+        return self.parameters[self.n_uniform :]
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ class Kernel:
 
     Attributes:
         uses_second_gradient: whether the energy depends on G.
+        n_varying: how many of its parameters, the last ones, vary from cell to cell; single states read them as given.
     """
 
     signatures: ClassVar[Signatures] = POINTS
@@ -39,6 +40,7 @@ class Kernel:
     def __init__(self, library: Path, integrand: Integrand) -> None:
         self.name = integrand.name
         self.parameters = integrand.parameter_names
+        self.n_varying = integrand.n_varying
         self.layout = integrand.layout
         self.library = library
         self._lib = load_library(library, self.signatures)

@@ -5,6 +5,9 @@ void tmc_points(int level, int64_t n_states, const double *x_nx, const double *p
   double x[N_X][LANES], psi[LANES], g[N_X][LANES], h[N_H][LANES];
   memset(g, 0, sizeof g); /* entries that vanish identically are never written */
   memset(h, 0, sizeof h);
+  double ones[N_VARYING + 1], read[N_READ];
+  for (int k = 0; k < N_VARYING; ++k) ones[k] = 1.0;
+  const double *p = parameters_read(0, 1, parameters, ones, read);
   for (int64_t n0 = 0; n0 < n_states; n0 += LANES) {
     const int n_lanes = n_states - n0 < LANES ? (int)(n_states - n0) : LANES;
     for (int v = 0; v < LANES; ++v) {
@@ -12,11 +15,11 @@ void tmc_points(int level, int64_t n_states, const double *x_nx, const double *p
       for (int k = 0; k < N_X; ++k) x[k][v] = x_nx[n * N_X + k];
     }
     if (level == TMC_ENERGY)
-      point_energy((const double(*)[LANES])x, parameters, psi);
+      point_energy((const double(*)[LANES])x, p, psi);
     else if (level == TMC_GRADIENT)
-      point_gradient((const double(*)[LANES])x, parameters, psi, g);
+      point_gradient((const double(*)[LANES])x, p, psi, g);
     else
-      point_tangent((const double(*)[LANES])x, parameters, psi, g, h);
+      point_tangent((const double(*)[LANES])x, p, psi, g, h);
     for (int v = 0; v < n_lanes; ++v) {
       const int64_t n = n0 + v;
       psi_n[n] = psi[v];

@@ -22,6 +22,7 @@ class TracedEnergy:
 
     Attributes:
         used: names of the inputs that it depends on.
+        n_varying: how many parameters, the last ones, vary from cell to cell.
     """
 
     name: str
@@ -30,6 +31,7 @@ class TracedEnergy:
     nodes: tuple[Node, ...]
     result: int
     used: tuple[str, ...]
+    n_varying: int = 0
 
     @property
     def n_rows(self) -> int:
@@ -38,7 +40,7 @@ class TracedEnergy:
 
     def fingerprint(self) -> str:
         """SHA-256 of everything that the generated code depends on."""
-        text = repr((self.name, self.parameters, self.layout, self.nodes, self.result))
+        text = repr((self.name, self.parameters, self.n_varying, self.layout, self.nodes, self.result))
         return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -93,6 +95,7 @@ def trace(integrand: Integrand) -> TracedEnergy:
         nodes=nodes,
         result=index[result.index],
         used=tuple(entry.name for entry in integrand.inputs if variables & set(entry.names)),
+        n_varying=integrand.n_varying,
     )
 
 

@@ -24,7 +24,7 @@ STATES = {
 }
 
 
-def _squeezed(run: dict[str, Any]) -> int:
+def squeezed(run: dict[str, Any]) -> int:
     """What the summary warns of: percent of the final reaction that squeeze the medium; 0 without a warning."""
     found = [re.match(r"(\d+)[.\d]*% of the final reaction squeezes", warning) for warning in run["warnings"]]
     return max((int(match[1]) for match in found if match), default=0)
@@ -43,7 +43,7 @@ def tutorial(measure: Measure) -> str:
     run = measure(box_runs.problem, plug())
     return (
         f"The gap closes from 0.15 to {run['gap']:.4f}, and the plug is compressed by the rest. The summary also "
-        f"warns: {_squeezed(run)} % of the final reaction squeezes the medium and not the bodies. That is the gap that "
+        f"warns: {squeezed(run)} % of the final reaction squeezes the medium and not the bodies. That is the gap that "
         "is left, by which plug and base are pressed together too far; the reaction is too large by about as much."
     )
 
@@ -64,7 +64,7 @@ def examples(measure: Measure) -> str:
         run = _example(measure, name)
         reached = "full load" if run["load"] == 1.0 else f"{100 * run['load']:.0f} % of the load"
         rows.append([name, reached, str(run["steps"]), f"{run['gap']:.2e}", f"{100 * run['medium_energy']:.1f} %",
-                     f"{_squeezed(run)} %" if _squeezed(run) else "below 5 %"])  # fmt: skip
+                     f"{squeezed(run)} %" if squeezed(run) else "below 5 %"])  # fmt: skip
     head = (
         "problem",
         "reached",
@@ -80,7 +80,7 @@ def gripper(measure: Measure) -> str:
     """The warning of the gripper, and what a smaller gamma does."""
     runs = [_example(measure, "gripper", gamma) for gamma in (None, "1e-5")]
     change = percent(runs[1]["reaction"] / runs[0]["reaction"] - 1, 0)
-    share = _squeezed(runs[0])
+    share = squeezed(runs[0])
     return f"`demos/problems/gripper.toml` says {share} %; with gamma = 1e-5 its reaction changes by {change}."
 
 

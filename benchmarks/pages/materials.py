@@ -1,11 +1,15 @@
-"""Block of docs/materials.md."""
+"""Blocks of docs/materials.md."""
 
 from __future__ import annotations
 
+import re
+
+import box_runs
 import incompressible as studies
 
+from pages import guide
 from pages.block import Block
-from pages.runs import Measure, percent, table
+from pages.runs import ROOT, Measure, percent, table
 from tmc_vem.problems.moduli import Moduli
 
 
@@ -23,4 +27,18 @@ def incompressible(measure: Measure) -> str:
     return table(("K / mu", "nu", *columns), rows)
 
 
-BLOCKS = (Block("materials-incompressible", "seconds", incompressible),)
+def graded(measure: Measure) -> str:
+    """The finger with its graded medium, and with one gamma everywhere."""
+    text = (ROOT / "demos/problems/finger.toml").read_text()
+    plain, n = re.subn(r"^graded = \{ gamma.*\n", "", text, flags=re.MULTILINE)
+    assert n == 1
+    soft, uniform = (measure(box_runs.problem, of) for of in (text, plain))
+    assert soft["load"] == uniform["load"] == 1.0
+    return (
+        f"With one gamma everywhere {guide.squeezed(uniform)} % of the final reaction squeezes the medium and not the "
+        f"bodies, and the reaction is {uniform['reaction']:.4f}; with the graded one it is {soft['reaction']:.4f}, "
+        f"and the part is {guide.squeezed(soft) or 'below 5'} %."
+    )
+
+
+BLOCKS = (Block("materials-incompressible", "seconds", incompressible), Block("graded", "seconds", graded))

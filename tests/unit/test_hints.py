@@ -154,7 +154,7 @@ def test_nothing_is_said_about_the_benchmarks(name: str):
     assert likely(hints(problem.make_mesh(), problem.regions(), problem.prescribed())) == []
 
 
-@pytest.mark.parametrize("name", ["seal", "gripper", "blocks"])
+@pytest.mark.parametrize("name", ["seal", "gripper", "blocks", "finger"])
 def test_nothing_is_said_about_the_demo_problems(name: str):
     problem, _ = read_problem(ROOT / "demos" / "problems" / f"{name}.toml")
     assert likely(hints(problem.make_mesh(), problem.regions(), problem.prescribed())) == []

@@ -199,9 +199,14 @@ def test_a_mesh_file_is_read_as_the_description_says(tmp_path: Path, monkeypatch
     )
     (tmp_path / "a.msh").write_text("text")
     given = MeshTable(file="a.msh", names={"1": "a"}, region_data="mat", cracks="keep")
-    problem = OwnProblem(table(mesh=given), tmp_path)
+    described = table(mesh=given)
+    problem = OwnProblem(described, tmp_path)
     problem._from_file()
-    assert asked == {"path": tmp_path / "a.msh", "names": {"1": "a"}, "region_data": "mat", "cracks": "keep"}
+    read = {"path": tmp_path / "a.msh", "names": {"1": "a"}, "region_data": "mat", "cracks": "keep"}
+    assert asked == {**read, "cell_data": ()}
+    graded = replace(described.regions["a"], graded={"mu": "mu * soft + x * hard"})
+    OwnProblem(replace(described, regions={"a": graded}), tmp_path)._from_file()
+    assert asked == {**read, "cell_data": ("hard", "soft")}
     plain = problem.inputs()["mesh"]
     assert plain == {"file": "a.msh", "cells": "voronoi", "growth": 0.3, "names": {"1": "a"}, "region_data": "mat",
                      "cracks": "keep", "content": "982d9e3eb996f559"}  # fmt: skip

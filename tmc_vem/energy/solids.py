@@ -166,7 +166,10 @@ def _mooney_rivlin_values(mu: float, c: Values) -> dict[str, float]:
 
 
 def _arruda_boyce_modulus(c: Values) -> float | None:
-    return float(c["mu_r"] * stiffening(c["lambda_m"] ** -2)) if "mu_r" in c else None
+    if "mu_r" not in c:
+        return None
+    modulus: float = c["mu_r"] * stiffening(c["lambda_m"] ** -2)
+    return modulus
 
 
 MODELS: dict[str, SolidModel] = {

@@ -63,8 +63,8 @@ def interior_penalty(
     corners_cvx, cell = compat.corners(mesh)
     sizes = areas(corners_cvx[:, compat.tensor_order(cell)])
     G = ufl.variable(ufl.grad(ufl.grad(u)))
-    weight = eta * p.gamma * p.alpha_r / (2 * facet_width(mesh, cell, abs(sizes)))
-    return facet_energy(u, G, weight, p, density(u, G, integrand, p) if consistent else None)
+    factor = eta / (2 * facet_width(mesh, cell, abs(sizes)))
+    return facet_energy(u, G, factor, p, density(u, G, integrand, p) if consistent else None)
 
 
 def measures(mesh: Any, region_c: Int, quadrature_degree: int = 4) -> tuple[Any, Any]:
@@ -98,24 +98,25 @@ def density(u: Any, G: Any, integrand: Integrand, p: SimpleNamespace) -> Any:
     return integrand.of_fields(lambda take: taken[take].__getitem__, p, ufl_namespace())
 
 
-def facet_energy(u: Any, G: Any, weight: Any, p: SimpleNamespace, psi: Any | None) -> Any:
-    """Energy per length of facet: ``weight w |[[grad u]] n|^2``, and the consistency term if the density is given.
+def facet_energy(u: Any, G: Any, factor: Any, p: SimpleNamespace, psi: Any | None) -> Any:
+    """Energy per length of facet: ``factor w |[[grad u]] n|^2``, and the consistency term if the density is given.
 
     Args:
         u: displacement.
         G: its second gradient, a UFL variable that ``psi`` is a function of.
-        weight: factor of the penalty.
-        p: parameters; with beta, w is the mean of ``exp(-beta J)``, else 1.
+        factor: of the penalty.
+        p: parameters; w is the mean of ``gamma alpha_r exp(-beta J)`` of both cells, without beta of ``gamma alpha_r``.
         psi: density of the medium, or None.
     """
     import ufl
 
     n = ufl.FacetNormal(u.function_space.mesh)
     jump = ufl.jump(ufl.grad(u), n)
+    weight = ufl.as_ufl(p.gamma * p.alpha_r)
     if hasattr(p, "beta"):
         F = DEFORMATION_GRADIENT.of_field(ufl.grad(u).__getitem__)
-        weight = weight * ufl.avg(ufl.exp(-p.beta * (F[0][0] * F[1][1] - F[0][1] * F[1][0])))
-    energy = weight * ufl.inner(jump, jump)
+        weight = weight * ufl.exp(-p.beta * (F[0][0] * F[1][1] - F[0][1] * F[1][0]))
+    energy = factor * ufl.avg(weight) * ufl.inner(jump, jump)
     if psi is not None:
         T = ufl.diff(psi, G)
         i, j, k = ufl.indices(3)

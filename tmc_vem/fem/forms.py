@@ -18,11 +18,12 @@ from tmc_vem.fem import compat
 from tmc_vem.fem.expressions import density, facet_energy, facet_width
 from tmc_vem.fem.mesh import FemMesh
 from tmc_vem.system.fem_settings import FemSettings
+from tmc_vem.system.graded import Graded
 from tmc_vem.system.interior_penalty import require_weights
 
 
 class RegionDensity(Protocol):
-    """Energy of a region, the values of its parameters, and whether it is the third medium."""
+    """Energy of a region, the values of its parameters, whether it is the third medium, and what varies in it."""
 
     @property
     def integrand(self) -> Integrand: ...
@@ -32,6 +33,9 @@ class RegionDensity(Protocol):
 
     @property
     def is_medium(self) -> bool: ...
+
+    @property
+    def graded(self) -> Graded | None: ...
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], sett
     metadata = {"quadrature_degree": settings.quadrature}
     cell_tags = compat.mesh_tags(domain, 2, np.arange(len(mesh.region_c)), mesh.region_c)
     dx = ufl.Measure("dx", domain=domain, subdomain_data=cell_tags, metadata=metadata)
-    parameters, eta, set_parameters = _parameters(domain, {name: regions[name] for name in names}, settings.eta)
+    parameters, eta, set_parameters = _parameters(mesh, {name: regions[name] for name in names}, settings.eta)
     G = ufl.variable(ufl.grad(ufl.grad(u)))
     densities = {name: density(u, G, regions[name].integrand, parameters[name]) for name in names}
     cells = sum(densities[name] * dx(number) for number, name in enumerate(names))
@@ -79,9 +83,8 @@ def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], sett
         width = facet_width(domain, mesh.cell, mesh.areas_c)
         for tag, name in enumerate(media, start=1):
             require_weights(name, regions[name].integrand)
-            weight = eta * parameters[name].gamma * parameters[name].alpha_r / (2 * width)
-            full = settings.interior_penalty == "full"
-            facets[name] = facet_energy(u, G, weight, parameters[name], densities[name] if full else None) * dS(tag)
+            psi = densities[name] if settings.interior_penalty == "full" else None
+            facets[name] = facet_energy(u, G, eta / (2 * width), parameters[name], psi) * dS(tag)
 
     potential = cells + sum(facets.values()) if facets else cells
     space = u.function_space
@@ -90,15 +93,25 @@ def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], sett
 
 
 def _parameters(
-    domain: Any, regions: Mapping[str, RegionDensity], eta: float
+    mesh: FemMesh, regions: Mapping[str, RegionDensity], eta: float
 ) -> tuple[dict[str, SimpleNamespace], Any, Callable[[Mapping[str, float]], None]]:
-    """Parameters of each region and the penalty factor as constants, and how to change them."""
+    """Parameters of each region and the penalty factor as constants, and how to change them; what varies from cell to
+    cell is multiplied with a function."""
     keys = [(name, key) for name, region in regions.items() for key in region.integrand.parameter_names]
-    constants, numbers = compat.constants(domain, [*(regions[name].values[key] for name, key in keys), eta])
+    constants, numbers = compat.constants(mesh.mesh, [*(regions[name].values[key] for name, key in keys), eta])
     *values, factor = constants
     parameters = {name: SimpleNamespace() for name in regions}
     for (name, key), value in zip(keys, values, strict=True):
         setattr(parameters[name], key, value)
+    for number, name in enumerate(mesh.names.regions):
+        graded = regions[name].graded
+        if graded is not None:
+            cells = np.flatnonzero(mesh.region_c == number)
+            for key, factor_c in zip(graded.names, mesh.factors(graded, cells).T, strict=True):
+                everywhere = np.ones(len(mesh.region_c))
+                everywhere[cells] = factor_c
+                varying = compat.cell_function(mesh.mesh, everywhere)
+                setattr(parameters[name], key, getattr(parameters[name], key) * varying)
 
     def change(wanted: Mapping[str, float]) -> None:
         for position, (_, key) in enumerate(keys):

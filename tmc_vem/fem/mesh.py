@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.fem import compat
-from tmc_vem.mesh.geometry import areas
+from tmc_vem.mesh.geometry import areas, centroids
 from tmc_vem.mesh.make.split import split_quadrilaterals
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError, TmcError
+from tmc_vem.system.graded import Graded
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -29,12 +30,14 @@ class Names:
         points: vertex of the problem's mesh by name.
         coordinates: (2,) coordinates of the named points.
         edges: (n, 2) end vertices by name, the smaller first.
+        cell_data: numbers of all cells of the problem's mesh by name.
     """
 
     regions: tuple[str, ...]
     points: Mapping[str, int]
     coordinates: Mapping[str, Float]
     edges: Mapping[str, Int]
+    cell_data: Mapping[str, Float]
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,12 @@ class FemMesh:
     areas_c: Float
     extent: float
     names: Names
+
+    def factors(self, graded: Graded, cells: Int) -> Float:
+        """Factors (n, n_names) of a region's parameters in some of the local cells."""
+        centroid_cx = centroids(self.points_cvx[cells][:, compat.tensor_order(self.cell)])
+        ids = self.cell_ids[cells]
+        return graded.factors(centroid_cx, {name: values[ids] for name, values in self.names.cell_data.items()})
 
 
 def distribute(comm: Comm, make_mesh: Callable[[], PolygonMesh], *, triangles: bool = False) -> FemMesh:
@@ -122,6 +131,7 @@ def _prepare(polygons: PolygonMesh, triangles: bool) -> tuple[str, Int, Float, I
         dict(polygons.named_points),
         {name: polygons.points_vx[vertex] for name, vertex in polygons.named_points.items()},
         {name: np.sort(np.asarray(pairs).reshape(-1, 2), axis=1) for name, pairs in polygons.named_edges.items()},
+        dict(polygons.cell_data),
     )
     if triangles:
         polygons, parents = split_quadrilaterals(polygons)

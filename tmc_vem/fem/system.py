@@ -86,6 +86,7 @@ class FemSystem:
         self._state, self._gradient = self.nodes.function(), self.nodes.function()
         self.forms = make_forms(self.mesh, self._state, regions, self.settings)
         self._values = {name: dict(region.values) for name, region in regions.items()}
+        self._factors = {name: self._factors_of(number) for number, name in enumerate(self.region_names)}
         self._tangent: Mat | None = None
         self._load_nodes: Float | None = None
         self._constrained = Constrained.of(prescribed, self.nodes.named)
@@ -278,6 +279,14 @@ class FemSystem:
         self._state.x.scatter_forward()
         return DISPLACEMENT.nodal(np.array(array))
 
+    def _factors_of(self, number: int) -> dict[str, Float]:
+        """What multiplies parameters of a region that vary, (n_cells, 1) in its cells that this rank owns."""
+        graded = self.densities[self.region_names[number]].graded
+        if graded is None:
+            return {}
+        factor_cp = self.mesh.factors(graded, self._cells_of[number])
+        return {name: factor_cp[:, n : n + 1] for n, name in enumerate(graded.names)}
+
     def _first_gradient(self, u_nodes: Float) -> Float:
         return self.points.first_gradient(u_nodes[self.nodes.cell_nodes_ca[: self.mesh.n_owned]])
 
@@ -293,7 +302,10 @@ class FemSystem:
             region = self.densities[name]
             names = region.integrand.parameter_names
             values = self._values[name]
-            p = SimpleNamespace(**{key: 0.0 if key == without else float(values[key]) for key in names})
+            factors = self._factors[name]
+            p = SimpleNamespace(
+                **{key: 0.0 if key == without else float(values[key]) * factors.get(key, 1.0) for key in names}
+            )
             gradient, second = self.points.gradients(u_nodes[self.nodes.cell_nodes_ca[cells]], cells)
             min_j_c[cells] = jacobian(gradient).min(axis=1)
             taken = {

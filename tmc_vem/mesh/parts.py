@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,7 @@ def submesh(mesh: PolygonMesh, cells: Int | Sequence[int] | NDArray[np.bool_]) -
         region_names=tuple(mesh.region_names[n] for n in names),
         named_points={name: int(number[v]) for name, v in mesh.named_points.items() if number[v] >= 0},
         named_edges={name: pairs for name, pairs in named_edges.items() if len(pairs)},
+        cell_data={name: values[chosen] for name, values in mesh.cell_data.items()},
     )
 
 
@@ -87,10 +89,7 @@ def with_names(
         if not len(pairs):
             raise InputError(f"named edges '{name}': no edge of the mesh lies on the line from {start} to {end}")
         named_edges[name] = pairs
-    return PolygonMesh(
-        mesh.points_vx, mesh.cell_offsets, mesh.cell_vertices, mesh.region_c, mesh.region_names,
-        named_points=named_points, named_edges=named_edges, validate=False,
-    )  # fmt: skip
+    return replace(mesh, named_points=named_points, named_edges=named_edges, validate=False)
 
 
 def _side_keys(loops: Int, offsets: Int, n_vertices: int) -> Int:

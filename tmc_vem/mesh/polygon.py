@@ -51,6 +51,7 @@ class PolygonMesh:
         region_names: names of the regions.
         named_points: vertices that have a name, for supports, loads and probes.
         named_edges: sets of edges by name, each an (n, 2) array of end vertices.
+        cell_data: (n_cells,) numbers of cells by name, such as a modulus.
         validate: check every polygon; switch off only for parts of a mesh that was checked as a whole.
 
     Raises:
@@ -65,6 +66,7 @@ class PolygonMesh:
     region_names: tuple[str, ...] = ("domain",)
     named_points: Mapping[str, int] = field(default_factory=dict)
     named_edges: Mapping[str, Int] = field(default_factory=dict)
+    cell_data: Mapping[str, Float] = field(default_factory=dict)
     validate: bool = field(default=True, repr=False)
 
     def __post_init__(self) -> None:
@@ -78,6 +80,8 @@ class PolygonMesh:
         edges = {name: _frozen(pairs, np.int64).reshape(-1, 2) for name, pairs in self.named_edges.items()}
         object.__setattr__(self, "named_points", MappingProxyType(dict(self.named_points)))
         object.__setattr__(self, "named_edges", MappingProxyType(edges))
+        data = {name: _frozen(values, np.float64) for name, values in self.cell_data.items()}
+        object.__setattr__(self, "cell_data", MappingProxyType(data))
         if not self.validate:
             return
         self._check_arrays()

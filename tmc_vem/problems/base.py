@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from codegen.integrand import Integrand, second_gradient_energy
 from tmc_vem.energy import Energy, hyperelastic_solid, third_medium
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.problems.graded import ByFormulas, OfMedium, OfSolid
 from tmc_vem.problems.materials import Material, Medium
 from tmc_vem.problems.moduli import Moduli
 from tmc_vem.problems.probes import Probe
@@ -16,6 +17,7 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
 from tmc_vem.support.validation import require_choice
 from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.graded import Graded
 
 HOLDS = ("medium",)
 
@@ -30,6 +32,7 @@ class RegionEnergy:
         is_medium: whether it is the third medium.
         hold: ``"medium"`` for a solid that may have no supports of its own, as the medium is meant to hold it.
         material: of a solid that has one by name, which knows its moduli at small strains.
+        graded: parameters that vary from cell to cell; ``values`` has the number that their factors multiply.
     """
 
     energy: Energy
@@ -37,6 +40,7 @@ class RegionEnergy:
     is_medium: bool = False
     hold: str | None = None
     material: Material | None = None
+    graded: Graded | None = None
 
     def __post_init__(self) -> None:
         check_hold(self.hold, self.is_medium)
@@ -52,7 +56,8 @@ class RegionEnergy:
     def integrand(self) -> Integrand:
         """The energy as the code generator and forms take it."""
         energy = self.energy
-        return second_gradient_energy(energy.density, energy.name, energy.parameters, energy.description)
+        made = second_gradient_energy(energy.density, energy.name, energy.parameters, energy.description)
+        return made if self.graded is None else made.varying(self.graded.names)
 
 
 def check_hold(hold: str | None, is_medium: bool) -> None:
@@ -68,26 +73,41 @@ def check_hold(hold: str | None, is_medium: bool) -> None:
         raise InputError("hold is for solids: a medium hangs on what is around it")
 
 
-def solid_region(material: Material, hold: str | None = None) -> RegionEnergy:
-    """Region of a hyperelastic solid."""
-    energy = hyperelastic_solid(material.model, material.volumetric)
-    return RegionEnergy(energy, material.values, hold=hold, material=material)
+def solid_region(material: Material, hold: str | None = None, graded: Mapping[str, str] | None = None) -> RegionEnergy:
+    """Region of a hyperelastic solid.
 
-
-def medium_region(medium: Medium, mu: float, h: float | None = None) -> RegionEnergy:
-    """Region of third medium, with the shear modulus of the solid around it, at small strains, and the initial width of
-    the gap.
+    Args:
+        material: what it is made of.
+        hold: see :class:`RegionEnergy`.
+        graded: formulas of numbers of the material that vary from cell to cell, see :mod:`tmc_vem.problems.graded`.
 
     Raises:
-        InputError: the medium has alpha, and the width is not known.
+        InputError: a formula is not usable.
     """
-    regulariser, parameters = medium.resolve()
-    energy = third_medium(regulariser, damped=medium.beta > 0.0, medium=medium.energy, volumetric=medium.log_j > 0.0)
-    weight = medium.weight(mu, h)
-    values = {"mu": mu, "gamma": medium.gamma, "alpha_r": weight, "beta": medium.beta, **parameters}
-    if medium.log_j > 0.0:
-        values["log_j"] = medium.log_j
-    return RegionEnergy(energy, values, is_medium=True)
+    energy = hyperelastic_solid(material.model, material.volumetric)
+    varying = ByFormulas(OfSolid(material), graded) if graded else None
+    return RegionEnergy(energy, material.values, hold=hold, material=material, graded=varying)
+
+
+def medium_region(
+    medium: Medium, mu: float, h: float | None = None, graded: Mapping[str, str] | None = None
+) -> RegionEnergy:
+    """Region of third medium.
+
+    Args:
+        medium: what it is made of.
+        mu: shear modulus of the solid around it, at small strains.
+        h: initial width of the gap, if it is known.
+        graded: formulas of numbers of the medium that vary from cell to cell, ``mu`` is one of them.
+
+    Raises:
+        InputError: the medium has alpha, and the width is not known; or a formula is not usable.
+    """
+    energy = third_medium(
+        medium.resolve()[0], damped=medium.beta > 0.0, medium=medium.energy, volumetric=medium.log_j > 0.0
+    )
+    varying = ByFormulas(OfMedium(medium, mu, h), graded) if graded else None
+    return RegionEnergy(energy, medium.values(mu, h), is_medium=True, graded=varying)
 
 
 class Problem(Protocol):

@@ -12,12 +12,21 @@ from tmc_vem.mesh.make.estimate import STEEPEST
 from tmc_vem.mesh.make.far import near
 from tmc_vem.mesh.make.shapes import HUGE, Shape, disc, polygon, rectangle
 from tmc_vem.problems.base import check_hold
+from tmc_vem.problems.graded import PLACE
 from tmc_vem.problems.materials import Material, Medium, chosen_weight
 from tmc_vem.problems.probes import GAP, Displacement, Gap, MeanJ, Place, Position, Probe, Reaction, check_name
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.formulas import Formula
 from tmc_vem.support.settings import about, described, same_as
 from tmc_vem.support.units import Units
-from tmc_vem.support.validation import require_choice, require_finite, require_positive, require_within, shown
+from tmc_vem.support.validation import (
+    require_choice,
+    require_finite,
+    require_known,
+    require_positive,
+    require_within,
+    shown,
+)
 from tmc_vem.system.constraints import COMPONENTS
 
 XY = tuple[float, float]
@@ -199,6 +208,8 @@ class RegionTable:
         parameters: of that energy.
         hold: ``"medium"`` for a solid without supports of its own that the medium is meant to hold.
         is_medium: whether a region with an energy of its own is third medium; by default if its name starts so.
+        graded: formulas of numbers that vary from cell to cell: of the centroid x, y, of cell data of the mesh file by
+            name, and of the number itself, ``{E = "E * (1 + x / 2)"}``.
     """
 
     shape: str | None = None
@@ -208,6 +219,7 @@ class RegionTable:
     parameters: Mapping[str, float] = field(default_factory=dict)
     hold: str | None = None
     is_medium: bool | None = None
+    graded: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_hold(self.hold, self.medium is not None)
@@ -216,6 +228,19 @@ class RegionTable:
             raise InputError(f"give one of solid, medium and density, not {' and '.join(given) or 'none'}")
         if self.is_medium is not None and self.density is None:
             raise InputError("is_medium is for a density of your own; 'medium = {...}' is third medium as it is")
+        for name in self.graded:
+            _ = self.cell_data(name)
+
+    def cell_data(self, name: str) -> frozenset[str]:
+        """Names in the formula of a number that are not the place and the number itself: cell data of the mesh file.
+
+        Raises:
+            InputError: it is no formula.
+        """
+        try:
+            return Formula(self.graded[name]).names - {*PLACE, name}
+        except InputError as error:
+            raise InputError(f"graded: {name}: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -370,3 +395,7 @@ class ProblemTable:
             if (region.shape is not None) != bool(self.shapes):
                 text = "lacks 'shape'" if self.shapes else "has a shape, but the mesh comes from a file"
                 raise InputError(f"regions: {name}: {text}")
+            for number in region.graded if self.shapes else ():
+                require_known(
+                    region.cell_data(number), (*PLACE, number), f"regions: {name}: graded: {number}: a formula"
+                )

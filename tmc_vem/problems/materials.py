@@ -110,6 +110,21 @@ class Medium:
         require_positive("h", h, "the initial width of the gap, a length")
         return self.alpha * mu * h**2
 
+    def values(self, mu: float, h: float | None = None) -> dict[str, float]:
+        """Values of the parameters of its energy.
+
+        Args:
+            mu: shear modulus that gamma multiplies.
+            h: initial width of the gap, if it is known.
+
+        Raises:
+            InputError: alpha is given, and the width is not known.
+        """
+        values = {"mu": mu, "gamma": self.gamma, "alpha_r": self.weight(mu, h), "beta": self.beta, **self.resolve()[1]}
+        if self.log_j > 0.0:
+            values["log_j"] = self.log_j
+        return values
+
     def as_dict(self, mu: float | None = None, h: float | None = None) -> dict[str, Any]:
         """Inputs as plain values for result files; with ``mu`` and ``h`` also the alpha_r that alpha makes."""
         regulariser, parameters = self.resolve()

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import require_finite, require_positive
@@ -31,18 +34,18 @@ class Moduli:
         return (3.0 * self.K - 2.0 * self.mu) / (6.0 * self.K + 2.0 * self.mu)
 
 
-def _of_E_lambda(E: float, lam: float) -> tuple[float, float]:
-    mu = (E - 3.0 * lam + math.sqrt(E * E + 9.0 * lam * lam + 2.0 * E * lam)) / 4.0
+def _of_E_lambda(E: Any, lam: Any) -> tuple[Any, Any]:
+    mu = (E - 3.0 * lam + np.sqrt(E * E + 9.0 * lam * lam + 2.0 * E * lam)) / 4.0
     return lam + 2.0 * mu / 3.0, mu
 
 
-def _of_nu_lambda(nu: float, lam: float) -> tuple[float, float]:
+def _of_nu_lambda(nu: Any, lam: Any) -> tuple[Any, Any]:
     mu = lam * (1.0 - 2.0 * nu) / (2.0 * nu)
     return lam + 2.0 * mu / 3.0, mu
 
 
-# (K, mu) from two moduli, in the order of NAMES
-_FROM: Mapping[tuple[str, str], Callable[[float, float], tuple[float, float]]] = {
+# (K, mu) from two moduli, numbers or arrays, in the order of NAMES
+_FROM: Mapping[tuple[str, str], Callable[[Any, Any], tuple[Any, Any]]] = {
     ("K", "mu"): lambda K, mu: (K, mu),
     ("K", "E"): lambda K, E: (K, 3.0 * K * E / (9.0 * K - E)),
     ("K", "nu"): lambda K, nu: (K, 3.0 * K * (1.0 - 2.0 * nu) / (2.0 * (1.0 + nu))),
@@ -73,12 +76,18 @@ def moduli(given: Mapping[str, float]) -> Moduli:
     first, second = names
     said = f"{first} = {given[first]:g} and {second} = {given[second]:g}"
     try:
-        K, mu = _FROM[names](given[first], given[second])
+        K, mu = (float(modulus) for modulus in converted(given))
     except ZeroDivisionError:
         raise InputError(f"{said} do not say what K and mu are: give others of {', '.join(NAMES)}") from None
     if not (math.isfinite(K) and math.isfinite(mu) and K > 0.0 and mu > 0.0):
         raise InputError(f"{said} make K = {K:g} and mu = {mu:g}, which must be positive: there is no such solid")
     return Moduli(K, mu)
+
+
+def converted(given: Mapping[str, Any]) -> tuple[Any, Any]:
+    """K and mu from two moduli of :data:`NAMES`, numbers or arrays, as they come: nothing is checked."""
+    first, second = (name for name in NAMES if name in given)
+    return _FROM[first, second](given[first], given[second])
 
 
 def _check(name: str, value: float) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,8 @@ from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.base import RegionEnergy, medium_region, solid_region
 from tmc_vem.problems.conditions import check_conditions
-from tmc_vem.problems.description import ConditionTable, EdgesTable, MediumTable, ProblemTable
+from tmc_vem.problems.description import ConditionTable, EdgesTable, MediumTable, ProblemTable, RegionTable
+from tmc_vem.problems.graded import ByFormulas, OfParameters
 from tmc_vem.problems.materials import Medium
 from tmc_vem.problems.probes import GAP, Gap, Place, Probe, check_probes
 from tmc_vem.problems.regularisers import require_traceable
@@ -85,10 +86,7 @@ class OwnProblem:
         named_edges = dict(mesh.named_edges)
         for name, edges in table.edges.items():
             named_edges[name] = find_edges(mesh, name, edges)
-        mesh = PolygonMesh(
-            mesh.points_vx, mesh.cell_offsets, mesh.cell_vertices, mesh.region_c, mesh.region_names,
-            mesh.named_points, named_edges, validate=False,
-        )  # fmt: skip
+        mesh = replace(mesh, named_edges=named_edges, validate=False)
         for where in [condition.at for condition in (*table.support, table.load)]:
             if where not in mesh.named_edges and not any(is_called(name, where) for name in mesh.named_points):
                 known = ", ".join([*mesh.named_points, *mesh.named_edges]) or "none"
@@ -153,18 +151,26 @@ class OwnProblem:
         for name, region in self.table.regions.items():
             try:
                 if region.solid is not None:
-                    found[name] = solid_region(region.solid, region.hold)
+                    found[name] = solid_region(region.solid, region.hold, region.graded)
                 elif region.medium is not None:
-                    found[name] = self._medium(region.medium, moduli)
+                    found[name] = self._medium(region.medium, moduli, region.graded)
                 else:
                     assert region.density is not None
                     is_medium = name.startswith("medium") if region.is_medium is None else region.is_medium
-                    found[name] = self._own_energy(region.density, region.parameters, is_medium, region.hold)
+                    found[name] = self._own_energy(region, is_medium)
             except InputError as error:
                 raise InputError(f"regions: {name}: {error}") from None
         return found
 
-    def _medium(self, table: MediumTable, moduli: Sequence[float]) -> RegionEnergy:
+    @property
+    def _cell_data(self) -> tuple[str, ...]:
+        """Names in formulas of regions that only the mesh file can know."""
+        regions = self.table.regions.values()
+        return tuple(
+            sorted({name for region in regions for number in region.graded for name in region.cell_data(number)})
+        )
+
+    def _medium(self, table: MediumTable, moduli: Sequence[float], graded: Mapping[str, str]) -> RegionEnergy:
         values = {
             key: getattr(table, key) for key in ("gamma", "alpha_r", "alpha", "beta", "energy", "log_j", "parameters")
         }
@@ -174,7 +180,7 @@ class OwnProblem:
                 raise InputError("medium lacks 'mu': the solids have several shear moduli or none, so say which")
             mu = moduli[0]
         medium = Medium(**values, regulariser=self._found(table.regulariser))
-        return medium_region(medium, mu, self._width(table))
+        return medium_region(medium, mu, self._width(table), graded)
 
     def _width(self, table: MediumTable) -> float | None:
         """Initial width of the gap, which alpha needs.
@@ -205,12 +211,12 @@ class OwnProblem:
         found: Float = mesh.points_vx[mesh.named_vertex(place)]
         return found
 
-    def _own_energy(self, wanted: str, values: Mapping[str, float], is_medium: bool, hold: str | None) -> RegionEnergy:
+    def _own_energy(self, region: RegionTable, is_medium: bool) -> RegionEnergy:
         from codegen.errors import CodegenError
         from codegen.userfile import load_density
 
         try:
-            loaded = load_density(self._found(wanted)).with_values(values)
+            loaded = load_density(self._found(region.density or "")).with_values(region.parameters)
         except CodegenError as error:
             raise InputError(str(error)) from None
         missing = [name for name, value in loaded.parameters.items() if value is None]
@@ -221,7 +227,8 @@ class OwnProblem:
         require_traceable(loaded.function, loaded.name, tuple(loaded.parameters))
         known = {name: float(value) for name, value in loaded.parameters.items() if value is not None}
         energy = Energy(loaded.name, loaded.function, tuple(known), loaded.description)
-        return RegionEnergy(energy, known, is_medium, hold)
+        graded = ByFormulas(OfParameters(known), region.graded) if region.graded else None
+        return RegionEnergy(energy, known, is_medium, region.hold, graded=graded)
 
     def _found(self, wanted: str) -> str:
         """``FILE.py:FUNCTION`` relative to the description's directory."""
@@ -241,7 +248,9 @@ class OwnProblem:
         from tmc_vem.mesh.files.io import read_mesh
 
         path, table = self._mesh_file, self.table.mesh
-        mesh = read_mesh(path, names=table.names, region_data=table.region_data, cracks=table.cracks)
+        mesh = read_mesh(
+            path, names=table.names, region_data=table.region_data, cracks=table.cracks, cell_data=self._cell_data
+        )
         return self._by_number(mesh)
 
     @staticmethod
@@ -259,12 +268,13 @@ class OwnProblem:
         regions = {f"region_{name}": name for name in self.table.regions if name.isdigit()}
         edges = {f"curve_{name}": name for name in conditions if name.isdigit()}
         points = {f"point_{name}": name for name in conditions if name.isdigit()}
-        return PolygonMesh(
-            mesh.points_vx, mesh.cell_offsets, mesh.cell_vertices, mesh.region_c,
-            tuple(regions.get(name, name) for name in mesh.region_names),
-            {points.get(name, name): vertex for name, vertex in mesh.named_points.items()},
-            {edges.get(name, name): pairs for name, pairs in mesh.named_edges.items()}, validate=False,
-        )  # fmt: skip
+        return replace(
+            mesh,
+            region_names=tuple(regions.get(name, name) for name in mesh.region_names),
+            named_points={points.get(name, name): vertex for name, vertex in mesh.named_points.items()},
+            named_edges={edges.get(name, name): pairs for name, pairs in mesh.named_edges.items()},
+            validate=False,
+        )
 
     @cached_property
     def _origin(self) -> tuple[float, float] | None:

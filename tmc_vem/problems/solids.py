@@ -10,7 +10,7 @@ from typing import Any
 
 from tmc_vem.energy import hyperelastic_solid
 from tmc_vem.energy.solids import LOG, MODELS, NEO_HOOKE, VOLUMETRIC, SolidModel
-from tmc_vem.problems.moduli import NAMES, Moduli, moduli
+from tmc_vem.problems.moduli import NAMES, Moduli, converted, moduli
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.settings import about, described
 from tmc_vem.support.validation import check_fields, key_of, require_finite, require_positive
@@ -116,6 +116,25 @@ class Material:
         _check(constants)
         return constants
 
+    @property
+    def numbers(self) -> dict[str, float]:
+        """The numbers that were given, by their names in problem files."""
+        return {key_of(name): value for name, value in self._given.items()}
+
+    def with_numbers(self, numbers: Mapping[str, float]) -> Material:
+        """The same with other numbers in their place."""
+        values: dict[str, Any] = {name: numbers[key_of(name)] for name in self._given}
+        return replace(self, **values)
+
+    def values_of_cells(self, numbers: Mapping[str, Any]) -> dict[str, Any]:
+        """:attr:`values` for numbers that may be arrays (n_cells,); nothing is checked."""
+        constants = {name: value for name, value in numbers.items() if name not in NAMES}
+        given = {name: value for name, value in numbers.items() if name in NAMES}
+        mu = self.of.shear_modulus(constants)
+        K, mu = converted(given if mu is None else {**given, "mu": mu})
+        made = {"K": K, **self.of.values(mu, constants)}
+        return {name: made[name] for name in self.values}
+
     def stiffer(self, factor: float) -> Material:
         """The same with all moduli times a factor."""
         scaled: dict[str, Any] = {name: factor * value for name, value in self._given.items() if name in _STRESSES}
@@ -147,7 +166,7 @@ class Material:
             **({} if self.model == NEO_HOOKE else {"model": self.model}),
             **({} if self.volumetric == LOG else {"volumetric": self.volumetric}),
         }
-        given = {key_of(name): value for name, value in self._given.items()}
+        given = self.numbers
         if not names and set(given) == _PLAIN:
             return dict(given)
         made = {"K": self.moduli.K, "mu": self.moduli.mu, **self.values}
@@ -177,6 +196,10 @@ def conversions(inputs: Mapping[str, Any]) -> list[tuple[str, str]]:
             given = {key: value for key, value in solid.items() if key not in ("made", "model", "volumetric")}
             words = [str(solid[key]) for key in ("model", "volumetric") if key in solid]
             lines.append((name, f"{', '.join([*words, _said(given)])}: {_said(solid['made'])}"))
+    for name, table in inputs.get("regions", {}).items():
+        if "graded" in table:
+            formulas = ", ".join(f"{key} = {formula}" for key, formula in table["graded"].items())
+            lines.append((f"graded, {name}", f"{formulas} in every cell"))
     return lines
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.base import Problem, RegionEnergy
+from tmc_vem.problems.graded import check_cells
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError
@@ -41,6 +42,7 @@ def discretise(
 
     def make_mesh() -> PolygonMesh:
         mesh = problem.make_mesh()
+        check_cells(mesh, {name: region.graded for name, region in problem.regions().items()})
         if on_mesh is not None:
             on_mesh(mesh)
         return mesh
@@ -99,9 +101,9 @@ def _kernels(name: str, region: RegionEnergy, element: ElementSettings) -> Regio
 
     kernel, parameters = compile_region(region)
     if not region.is_medium or element.interior_penalty == "none":
-        return RegionKernel(kernel, parameters)
+        return RegionKernel(kernel, parameters, graded=region.graded)
     sides = compile_sides(name, region.integrand, region.values, element.interior_penalty, element.penalty_factor)
-    return RegionKernel(kernel, parameters, sides)
+    return RegionKernel(kernel, parameters, sides, region.graded)
 
 
 def compile_region(region: RegionEnergy) -> tuple[Any, Any]:

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.mesh.geometry import centroids
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.spread.distribute import DistributedMesh
+from tmc_vem.system.graded import Graded
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.facets.compiled import SideEnergy
 from tmc_vem.vem.kernel.batch import CellBatch
@@ -34,11 +36,13 @@ class RegionKernel:
     Attributes:
         kernel, parameters: of its cells.
         sides: of the sides of its cells, if they have an interior penalty.
+        graded: what multiplies the parameters that vary from cell to cell, if there are some.
     """
 
     kernel: CellKernel
     parameters: Float
     sides: SideEnergy | None = None
+    graded: Graded | None = None
 
 
 @dataclass(frozen=True)
@@ -181,6 +185,16 @@ class _Gatherer:
         self._shape_c.append(group.shape_c + np.int32(self._n_shapes))
         self._n_shapes += len(group.tables.h_s)
 
+    def _factors(self, distributed: DistributedMesh, cells: Int) -> Float | None:
+        graded = self._energy.graded
+        if graded is None:
+            return None
+        mesh = distributed.mesh
+        sides = mesh.cell_offsets[cells][:, None] + np.arange(self._group.n_sides)
+        centroid_cx = centroids(mesh.points_vx[mesh.cell_vertices[sides]])
+        data = {name: values[cells] for name, values in mesh.cell_data.items()}
+        return np.ascontiguousarray(graded.factors(centroid_cx, data), dtype=np.float64)
+
     def block(self, distributed: DistributedMesh, dofmap: DofMap) -> Block:
         """All of them."""
         group, kernel, cells = self._group, self._energy.kernel, np.concatenate(self._cells)
@@ -200,6 +214,7 @@ class _Gatherer:
             n_pieces=gradients.first_stxma.shape[1],
             n_translated=n_translated_dofs(group.n_sides, dofmap.order),
             has_potential=gradients.has_potential,
+            factor_ck=self._factors(distributed, cells),
         )
         return Block(
             region=self._region,

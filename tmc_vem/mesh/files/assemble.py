@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.mesh.files.cell_data import ORDER
 from tmc_vem.mesh.files.record import Group, Reading, Record
 from tmc_vem.mesh.files.regions import regions_of
 from tmc_vem.mesh.geometry import areas
@@ -59,8 +60,21 @@ def assemble(record: Record, reading: Reading) -> PolygonMesh:
     names.check(labels)
     return PolygonMesh(
         points[used], offsets, flat, region_c, tuple(region_names), named_points,
-        {name: np.concatenate(pairs) for name, pairs in named_edges.items()}, validate=False,
+        {name: np.concatenate(pairs) for name, pairs in named_edges.items()}, _kept(record, reading), validate=False,
     )  # fmt: skip
+
+
+def _kept(record: Record, reading: Reading) -> dict[str, Float]:
+    """The cell data that are asked for.
+
+    Raises:
+        InputError: one is not there.
+    """
+    for name in reading.cell_data:
+        if name not in record.data:
+            known = ", ".join(name for name in record.data if name != ORDER) or "none"
+            raise InputError(f"there is no cell data '{name}' with a number for every cell (there are: {known})")
+    return {name: record.data[name] for name in reading.cell_data}
 
 
 def _in_plane(points: Float, used: Int, notes: list[str]) -> Float:

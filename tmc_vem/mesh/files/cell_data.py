@@ -39,7 +39,7 @@ def add_groups(
     """Put cells in order and into the groups that arrays tell.
 
     Args:
-        record: has cells; gets groups.
+        record: has cells; gets groups, and the arrays of numbers.
         data: arrays by name, a value for every entry of the file.
         cells: entry of every cell.
         region_data: array to take regions from, or None for the usual ones.
@@ -56,6 +56,11 @@ def add_groups(
             order = np.argsort(stored)
             record.loops = [record.loops[c] for c in order]
             cells = cells[order]
+    record.data = {
+        name: values[cells].reshape(-1).astype(np.float64)
+        for name, values in arrays.items()
+        if values.size == len(values) and values.dtype.kind in "iufb"
+    }
     for name, values in arrays.items():
         for prefix, entries, groups in (
             (REGION, cells, record.regions), (EDGES, edges[0], record.edges), (POINT, nodes[0], record.nodes),

@@ -8,7 +8,7 @@ OBJ, groups are regions, and comments hold the names. MSH and INP know triangles
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 
@@ -45,7 +45,7 @@ def write_mesh(mesh: PolygonMesh, path: str | Path) -> None:
 
 def read_mesh(
     path: str | Path, *, validate: bool = True, names: Mapping[str, str] | None = None, region_data: str | None = None,
-    cracks: str = "join", notes: list[str] | None = None, called: str | None = None,
+    cracks: str = "join", notes: list[str] | None = None, called: str | None = None, cell_data: Sequence[str] = (),
 ) -> PolygonMesh:  # fmt: skip
     """Read a mesh that this program, gmsh or another one wrote.
 
@@ -61,6 +61,7 @@ def read_mesh(
         cracks: ``"keep"`` takes vertices at the same place for cracks; else they are refused.
         notes: gets what should be known about how the file was read; else it is said, see :mod:`tmc_vem.support.notes`.
         called: what messages call the file.
+        cell_data: names of cell data (VTU, VTK, UGRID, MAT) that the mesh keeps, one number a cell.
 
     Raises:
         InputError: the file cannot be read, has no plane cells or others as well, is not plane, or has bad cells.
@@ -72,7 +73,7 @@ def read_mesh(
         raise InputError(f"mesh file {path} does not exist")
     from tmc_vem.mesh.files.assemble import assemble
 
-    reading = Reading(dict(names or {}), region_data, cracks)
+    reading = Reading(dict(names or {}), region_data, cracks, tuple(cell_data))
     record = _record(path, kind, reading, called)
     try:
         mesh = assemble(record, reading)

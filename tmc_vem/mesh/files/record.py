@@ -50,6 +50,7 @@ class Record:
         nodes: groups of nodes; several nodes along sides of cells stand for these sides.
         middles: nodes in the middle of sides, or inside of cells, of higher order; no cell keeps them.
         notes: what the user should know about how the file was read.
+        data: numbers of the cells (n_cells,) by name, of files that have some.
     """
 
     points: Float
@@ -59,6 +60,7 @@ class Record:
     nodes: list[Group] = field(default_factory=list)
     middles: Int = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     notes: list[str] = field(default_factory=list)
+    data: dict[str, Float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -69,11 +71,13 @@ class Reading:
         names: for groups, by their number or their name in the file.
         region_data: cell data whose values are the regions' numbers (VTU, VTK, UGRID, MAT).
         cracks: ``"join"`` refuses a mesh with vertices on the same place; ``"keep"`` takes them for cracks.
+        cell_data: names of cell data that the mesh keeps (the same formats).
     """
 
     names: dict[str, str] = field(default_factory=dict)
     region_data: str | None = None
     cracks: str = "join"
+    cell_data: tuple[str, ...] = ()
 
 
 def count_kinds(kinds: Sequence[str]) -> str:

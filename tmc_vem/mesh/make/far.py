@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -49,10 +50,7 @@ def near(point: Sequence[float], origin: Point) -> Point:
 
 def moved(mesh: PolygonMesh, by: Point) -> PolygonMesh:
     """The mesh, which is good, at another place."""
-    return PolygonMesh(
-        mesh.points_vx + by, mesh.cell_offsets, mesh.cell_vertices, mesh.region_c, mesh.region_names,
-        mesh.named_points, mesh.named_edges, validate=False,
-    )  # fmt: skip
+    return replace(mesh, points_vx=mesh.points_vx + by, validate=False)
 
 
 def meshed_near_origin(mesher: Callable[..., PolygonMesh]) -> Callable[..., PolygonMesh]:

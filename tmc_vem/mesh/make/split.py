@@ -50,7 +50,8 @@ def split_quadrilaterals(mesh: PolygonMesh) -> tuple[PolygonMesh, Int]:
     parents = parents[order]
     result = PolygonMesh(
         mesh.points_vx, np.arange(len(parents) + 1) * 3, triangles[order].ravel(), mesh.region_c[parents],
-        mesh.region_names, mesh.named_points, mesh.named_edges, validate=False,
+        mesh.region_names, mesh.named_points, mesh.named_edges,
+        {name: values[parents] for name, values in mesh.cell_data.items()}, validate=False,
     )  # fmt: skip
     return result, parents
 

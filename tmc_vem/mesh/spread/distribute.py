@@ -73,10 +73,9 @@ def distribute(
     if comm.size > 1:
         plex.setSection(_weights(comm, plex, mesh, costs or {}))
     migration = plex.distribute()
-    cells = _distribute_field(comm, plex, migration, 0, cell_field)
-    vertices = _distribute_field(comm, plex, migration, len(cell_field), vertex_field)
-
-    (region_names, named_points, named_edges), sizes = from_root(comm, partial(_names_and_sizes, mesh))
+    (region_names, named_points, named_edges, data), sizes = from_root(comm, partial(_names_and_sizes, mesh))
+    cells = _distribute_field(comm, plex, migration, 0, cell_field, 2 + len(data))
+    vertices = _distribute_field(comm, plex, migration, len(cell_field), vertex_field, 3)
     n_cells_global, n_vertices_global = sizes
     del mesh, cell_field, vertex_field
 
@@ -93,6 +92,7 @@ def distribute(
         region_names=region_names,
         named_points=_local_points(named_points, vertex_ids),
         named_edges=_local_edges(named_edges, vertex_ids, edges_ev),
+        cell_data={name: cells[:, 2 + n] for n, name in enumerate(data)},
         validate=False,  # the whole mesh was validated on the root
     )
     counts = np.bincount(cell_edges, minlength=len(edges_ev))
@@ -111,10 +111,10 @@ def cell_costs(mesh: PolygonMesh, costs: Mapping[str, float]) -> NDArray[np.floa
 
 def _names_and_sizes(
     mesh: PolygonMesh | None,
-) -> tuple[tuple[tuple[str, ...], dict[str, int], dict[str, Int]], tuple[int, int]]:
-    """Names of regions, points and edges, and the numbers of cells and vertices, of the mesh on rank 0."""
+) -> tuple[tuple[tuple[str, ...], dict[str, int], dict[str, Int], tuple[str, ...]], tuple[int, int]]:
+    """Names of regions, points, edges and cell data, and the numbers of cells and vertices, of the mesh on rank 0."""
     assert mesh is not None
-    names = mesh.region_names, dict(mesh.named_points), dict(mesh.named_edges)
+    names = mesh.region_names, dict(mesh.named_points), dict(mesh.named_edges), tuple(mesh.cell_data)
     return names, (mesh.n_cells, mesh.n_vertices)
 
 
@@ -130,7 +130,7 @@ def _weights(comm: Comm, plex: Any, mesh: PolygonMesh | None, costs: Mapping[str
 
 
 def _serial_plex(comm: Comm, mesh: PolygonMesh | None) -> tuple[Any, NDArray[Any], NDArray[Any]]:
-    """DMPlex with all points on rank 0, and per point its cell data (n, 2) or vertex data (n, 3)."""
+    """DMPlex with all points on rank 0, and per point its cell data (n, 2 or more) or vertex data (n, 3)."""
     plex = PETSc.DMPlex().create(comm=comm)
     plex.setDimension(2)
     if mesh is None:
@@ -160,26 +160,26 @@ def _serial_plex(comm: Comm, mesh: PolygonMesh | None) -> tuple[Any, NDArray[Any
         plex,
         [(kinds.FV_GHOST, 0, n_cells), (kinds.POINT, first_vertex, first_edge), (kinds.SEGMENT, first_edge, end)],
     )
-    cell_field = np.column_stack([mesh.region_c, np.arange(n_cells)]).astype(float)
+    cell_field = np.column_stack([mesh.region_c, np.arange(n_cells), *mesh.cell_data.values()]).astype(float)
     vertex_field = np.column_stack([mesh.points_vx, np.arange(n_vertices)])
     return plex, cell_field, vertex_field
 
 
 def _distribute_field(
-    comm: Comm, plex: Any, migration: Any, first_point: int, values: NDArray[np.float64]
+    comm: Comm, plex: Any, migration: Any, first_point: int, values: NDArray[np.float64], width: int
 ) -> NDArray[np.float64]:
-    """Move the values (n, width) of consecutive points of the serial DMPlex to where the points went."""
+    """Move rank 0's values (n, width) of consecutive points of the serial DMPlex to where the points went."""
     if migration is None:  # one rank: nothing moved
         return values
     section = PETSc.Section().create(comm=comm)
     section.setChart(first_point, first_point + len(values))
     for point in range(first_point, first_point + len(values)):
-        section.setDof(point, values.shape[1])
+        section.setDof(point, width)
     section.setUp()
     vector = PETSc.Vec().createWithArray(values.ravel().copy(), comm=PETSc.COMM_SELF)
     _, moved = plex.distributeField(migration, section, vector)
     # a section numbers its points in the order of the chart
-    here: NDArray[np.float64] = moved.getArray(readonly=True).reshape(-1, values.shape[1]).copy()
+    here: NDArray[np.float64] = moved.getArray(readonly=True).reshape(-1, width).copy()
     return here
 
 

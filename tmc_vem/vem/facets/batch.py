@@ -33,7 +33,7 @@ class SidesStruct(ctypes.Structure):
         ("n_a", ctypes.c_int32 * 2),
         *((name, ctypes.c_void_p) for name in ("nodes_sa", "w_spq", "coefficient_spe")),
         ("rows_spqra", ctypes.c_void_p * 2),
-        ("jump_spqxa", ctypes.c_void_p),
+        *((name, ctypes.c_void_p) for name in ("jump_spqxa", "factor_fsk")),
     )
 
 
@@ -47,12 +47,14 @@ class Faces:
         nodes_fa: (n_faces, n_basis) nodes of the cells.
         area_f: areas of the cells.
         cell_f: cells of this rank, -1 for those of others.
+        factor_fk: (n_faces, n_varying) what multiplies the parameters that vary from cell to cell.
     """
 
     rows_fqra: Float
     nodes_fa: Int
     area_f: Float
     cell_f: Int
+    factor_fk: Float
 
     @property
     def n_basis(self) -> int:
@@ -61,7 +63,10 @@ class Faces:
 
     def take(self, chosen: Int) -> Faces:
         """Some of them."""
-        return Faces(self.rows_fqra[chosen], self.nodes_fa[chosen], self.area_f[chosen], self.cell_f[chosen])
+        return Faces(
+            self.rows_fqra[chosen], self.nodes_fa[chosen], self.area_f[chosen], self.cell_f[chosen],
+            self.factor_fk[chosen],
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -87,6 +92,7 @@ class SideBatch:
         nodes_sa: (n_sides, n_basis) nodes of all faces.
         w_sp, coefficient_sp, jump_sp: per pack of sides.
         rows_sp: the same for each face.
+        factor_fsk: (n_faces, n_sides, n_varying) of the faces.
     """
 
     nodes_sa: Int32
@@ -94,6 +100,7 @@ class SideBatch:
     coefficient_sp: Float
     rows_sp: tuple[Float, ...]
     jump_sp: Float
+    factor_fsk: Float
 
     @staticmethod
     def pack(layout: Layout, faces: tuple[Faces, ...], jump_fqxa: Float, side: Side) -> SideBatch:
@@ -116,6 +123,7 @@ class SideBatch:
             packed(made),
             tuple(packed(face.rows_fqra[:, :, :n_own]) for face in faces),
             packed(jump_fqxa),
+            np.stack([face.factor_fk for face in faces]),
         )
 
     def take(self, sides: Int | slice) -> SideBatch:
@@ -127,6 +135,7 @@ class SideBatch:
         return SideBatch(
             np.ascontiguousarray(self.nodes_sa[sides]), some(self.w_sp), some(self.coefficient_sp),
             tuple(some(rows) for rows in self.rows_sp), some(self.jump_sp),
+            np.ascontiguousarray(self.factor_fsk[:, sides]),
         )  # fmt: skip
 
     @property
@@ -149,6 +158,7 @@ class SideBatch:
             self.n_sides, len(sizes), self.w_sp.shape[1], self.n_basis, self.rows_sp[0].shape[2],
             (ctypes.c_int32 * 2)(0, pair[0]), (ctypes.c_int32 * 2)(*pair), address(self.nodes_sa), address(self.w_sp),
             address(self.coefficient_sp), (ctypes.c_void_p * 2)(*rows), address(self.jump_sp),
+            address(self.factor_fsk),
         )  # fmt: skip
 
 

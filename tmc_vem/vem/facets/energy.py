@@ -48,7 +48,7 @@ def facet_integrand(medium: Integrand, full: bool) -> Integrand:
     return Integrand(
         f"{medium.name}_{'full' if full else 'penalty'}",
         (*state, *jumps),
-        (*medium.parameters, Parameter(ETA)),
+        tuple(sorted((*medium.parameters, Parameter(ETA)), key=lambda parameter: parameter.varies)),
         complete if full else penalty,
         f"interior penalty of {medium.name}",
     )

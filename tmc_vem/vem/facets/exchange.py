@@ -83,7 +83,7 @@ def _face(table: FaceTable, side: int, numbers_n: Int) -> Faces:
     """One face with global numbers of its nodes."""
     one = np.array([side])
     face = table.faces(one)
-    return Faces(face.rows_fqra, numbers_n[face.nodes_fa], face.area_f, np.array([-1]))
+    return Faces(face.rows_fqra, numbers_n[face.nodes_fa], face.area_f, np.array([-1]), face.factor_fk)
 
 
 class Halo:

@@ -79,4 +79,7 @@ class FaceTable:
         ends = self._mesh.points_vx[self._edges.vertices_ev[self._edges.cell_edges[sides]]]
         points = ends[:, :1] + self._points[:, None] * (ends[:, 1:] - ends[:, :1])
         xi = (points - centroids(polygons)[:, None]) / h[:, None, None]
-        return Faces(smooth_rows(second, h, xi), batch.nodes_ca[place].astype(np.int64), areas(polygons), cells)
+        factor_fk = np.empty((len(sides), 0)) if batch.factor_ck is None else batch.factor_ck[place]
+        return Faces(
+            smooth_rows(second, h, xi), batch.nodes_ca[place].astype(np.int64), areas(polygons), cells, factor_fk
+        )

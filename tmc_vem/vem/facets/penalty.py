@@ -144,6 +144,7 @@ class InteriorPenalty:
             second = Faces(
                 np.concatenate([other.rows_fqra for other in others]), nodes,
                 np.concatenate([other.area_f for other in others]), np.full(len(chosen), -1),
+                np.concatenate([other.factor_fk for other in others]),
             )  # fmt: skip
             yield from self._two_faces(sides[chosen], (self._table.faces(sides[chosen]), second))
 

@@ -101,6 +101,7 @@ int64_t tmc_side_terms(int level, const tmc_sides *sides, const double *u_ni, co
   const int n_extra = N_ROWS - n_own;
   const size_t block = (size_t)n_q * n_rows * n;
   vec x[N_X], psi, g[N_X], h[N_H];
+  double read[N_READ];
   memset(g, 0, sizeof g); /* entries that vanish identically are never written */
   memset(h, 0, sizeof h);
 
@@ -112,6 +113,8 @@ int64_t tmc_side_terms(int level, const tmc_sides *sides, const double *u_ni, co
     memset(work.R_ai, 0, 2 * (size_t)n * sizeof(vec));
     if (level >= TMC_TANGENT) memset(work.K_kab, 0, 3 * (size_t)n * n * sizeof(vec));
     for (int face = 0; face < sides->n_faces; ++face) {
+      const double *factor_sk = sides->factor_fsk + (size_t)face * sides->n_sides * N_VARYING;
+      const double *of_face = parameters_read(s0, sides->n_sides, parameters, factor_sk, read);
       take_rows(sides, pack, face, work.B_qra);
       for (int q = 0; q < n_q; ++q) {
         const vec *B_ra = work.B_qra + (size_t)q * n_rows * n;
@@ -128,11 +131,11 @@ int64_t tmc_side_terms(int level, const tmc_sides *sides, const double *u_ni, co
           for (int i = 0; i < 2; ++i) x[2 * (n_own + e) + i] = c_e[e] * y[2 * (n_own + e % N_JUMP) + i];
 
         if (level == TMC_ENERGY)
-          point_energy((const_lanes)x, parameters, (double *)&psi);
+          point_energy((const_lanes)x, of_face, (double *)&psi);
         else if (level == TMC_GRADIENT)
-          point_gradient((const_lanes)x, parameters, (double *)&psi, (lanes)g);
+          point_gradient((const_lanes)x, of_face, (double *)&psi, (lanes)g);
         else
-          point_tangent((const_lanes)x, parameters, (double *)&psi, (lanes)g, (lanes)h);
+          point_tangent((const_lanes)x, of_face, (double *)&psi, (lanes)g, (lanes)h);
         energy += w * psi;
         if (residual_ni && level >= TMC_GRADIENT) {
           vec f[2 * (N_ROWS + N_JUMP)];

@@ -23,6 +23,7 @@ typedef struct {
   const double *coefficient_spe;
   const double *rows_spqra[2];      /* of each face, on its own basis functions */
   const double *jump_spqxa;         /* derivatives x of the jump, on all basis functions */
+  const double *factor_fsk;         /* [n_faces][n_sides][N_VARYING] of parameters that vary from cell to cell */
 } tmc_sides;
 
 /* Energy, residual and tangent of sides.

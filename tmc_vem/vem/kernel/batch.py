@@ -30,6 +30,7 @@ class BatchStruct(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("raised_mx", "power_mx")),
         *((name, ctypes.c_void_p) for name in ("shape_c", "nodes_ca", "piece_q", "w_spq", "xi_spqx")),
         *((name, ctypes.c_void_p) for name in ("inverse_h_sp", "gradient_sptxma", "second_spxma")),
+        ("factor_ck", ctypes.c_void_p),
     )
 
 
@@ -58,6 +59,7 @@ class CellBatch:
             of forces from rounding. 0 if a translation is something else.
         has_potential: ``gradient_sp`` holds the coefficients (n_packs, n_pieces, dim P - 1, n_basis, 8) of a potential,
             one degree higher and without the constant, see :mod:`tmc_vem.vem.spaces.potential`.
+        factor_ck: (n_cells, n_varying) what multiplies the parameters that vary from cell to cell.
     """
 
     shape_c: Int32
@@ -73,6 +75,7 @@ class CellBatch:
     n_pieces: int
     n_translated: int = 0
     has_potential: bool = False
+    factor_ck: Array | None = None
 
     @staticmethod
     def pack(
@@ -121,6 +124,7 @@ class CellBatch:
             np.ascontiguousarray(self.shape_c[cells]), np.ascontiguousarray(self.nodes_ca[cells]), self.piece_q,
             self.w_sp, self.xi_sp, self.inverse_h_sp, self.gradient_sp, self.second_sp, self.gradient_degree,
             self.second_degree, self.n_pieces, self.n_translated, self.has_potential,
+            None if self.factor_ck is None else np.ascontiguousarray(self.factor_ck[cells]),
         )  # fmt: skip
 
     @property
@@ -191,7 +195,7 @@ class CellBatch:
             monomials.dimension(self.second_degree), monomials.dimension(lower), self.n_translated, self.has_potential,
             address(table.position_mx), address(table.power_mx), address(self.shape_c), address(self.nodes_ca),
             address(self.piece_q), address(self.w_sp), address(self.xi_sp), address(self.inverse_h_sp),
-            address(self.gradient_sp), address(self.second_sp),
+            address(self.gradient_sp), address(self.second_sp), address(self.factor_ck),
         )  # fmt: skip
 
 

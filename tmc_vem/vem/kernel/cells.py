@@ -122,6 +122,10 @@ class CellKernel(Kernel):
     def _check_batch(self, batch: CellBatch) -> None:
         if self.uses_second_gradient and batch.second_sp is None:
             raise ValueError(f"energy '{self.name}' needs second derivatives, which the batch does not have")
+        expected = (batch.n_cells, self.n_varying)
+        if self.n_varying and (batch.factor_ck is None or batch.factor_ck.shape != expected):
+            shape = None if batch.factor_ck is None else batch.factor_ck.shape
+            raise ValueError(f"factor_ck of energy '{self.name}' has shape {shape}, expected {expected}")
 
 
 def require_memory(kernel: str, status: int) -> None:

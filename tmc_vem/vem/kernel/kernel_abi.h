@@ -38,6 +38,7 @@ typedef struct {
   const double *inverse_h_sp;             /* 1 / h, the scale of the coordinates */
   const double *gradient_sptxma;          /* coefficients of the projected gradient */
   const double *second_spxma;             /* of the second gradient's potential; only read if tmc_n_rows is 6 */
+  const double *factor_ck;                /* [n_cells][N_VARYING] of parameters that vary; not read if there are none */
 } tmc_batch;
 
 /* Where element tangents go: the values of a matrix in compressed rows whose row and column 2 n + i belong to

@@ -148,8 +148,10 @@ static int64_t cells_below_tangent(const tmc_batch *batch, const double *u_ni, c
   state states[STATES];
   memset(states, 0, sizeof states); /* entries that vanish identically are never written */
   int64_t inadmissible = -1;
+  double read[N_READ];
 
   for (int64_t c0 = 0; c0 < batch->n_cells; c0 += LANES) {
+    const double *values = parameters_read(c0, batch->n_cells, parameters, batch->factor_ck, read);
     if (take_shapes(&work, batch, c0) && residual_ni) weight_monomials(&work, n_m, n_q);
     gather_nodes(batch, c0, u_ni, 2, work.u_ai);
     vec energy = {0.0}, min_j = (vec){0.0} + INFINITY;
@@ -174,9 +176,9 @@ static int64_t cells_below_tangent(const tmc_batch *batch, const double *u_ni, c
           const vec w = work.weights[q0 + p];
           lower(&min_j, at->x);
           if (residual_ni)
-            point_gradient((const_lanes)at->x, parameters, (double *)&at->psi, (lanes)at->g);
+            point_gradient((const_lanes)at->x, values, (double *)&at->psi, (lanes)at->g);
           else
-            point_energy((const_lanes)at->x, parameters, (double *)&at->psi);
+            point_energy((const_lanes)at->x, values, (double *)&at->psi);
           energy += w * at->psi;
         }
         if (residual_ni) {

@@ -127,8 +127,10 @@ static int64_t cells_with_tangent(const tmc_batch *batch, const double *u_ni, co
   memset(&at, 0, sizeof at); /* entries that vanish identically are never written */
   memset(h, 0, sizeof h);
   int64_t inadmissible = -1;
+  double read[N_READ];
 
   for (int64_t c0 = 0; c0 < batch->n_cells; c0 += LANES) {
+    const double *values = parameters_read(c0, batch->n_cells, parameters, batch->factor_ck, read);
     tabulate(&work, batch, c0);
     gather_nodes(batch, c0, u_ni, 2, work.u_ai);
     vec energy = {0.0}, min_j = (vec){0.0} + INFINITY;
@@ -141,7 +143,7 @@ static int64_t cells_with_tangent(const tmc_batch *batch, const double *u_ni, co
         const vec *B_ra = work.B_qra + (size_t)q * N_ROWS * n, *w = work.weights + q;
         displacement_gradient(n, B_ra, work.u_ai, at.x);
         lower(&min_j, at.x);
-        point_tangent((const_lanes)at.x, parameters, (double *)&at.psi, (lanes)at.g, (lanes)h);
+        point_tangent((const_lanes)at.x, values, (double *)&at.psi, (lanes)at.g, (lanes)h);
         energy += *w * at.psi;
         if (residual_ni) add_forces(n, w, at.g, B_ra, work.R_ai);
         material_rows(n, w, h, B_ra, work.D_kqra + (size_t)(q - q0) * N_ROWS * n, block);
