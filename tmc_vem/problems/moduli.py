@@ -7,8 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import require_finite, require_positive
 
@@ -35,7 +33,7 @@ class Moduli:
 
 
 def _of_E_lambda(E: Any, lam: Any) -> tuple[Any, Any]:
-    mu = (E - 3.0 * lam + np.sqrt(E * E + 9.0 * lam * lam + 2.0 * E * lam)) / 4.0
+    mu = (E - 3.0 * lam + (E * E + 9.0 * lam * lam + 2.0 * E * lam) ** 0.5) / 4.0
     return lam + 2.0 * mu / 3.0, mu
 
 
