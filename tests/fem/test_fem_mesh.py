@@ -141,6 +141,10 @@ def test_cells_that_finite_elements_cannot_use() -> None:
     arrow = PolygonMesh.from_cells([(0, 0), (1, 0.6), (2, 0), (1, 2)], [[0, 1, 2, 3]])
     with pytest.raises(InputError, match="cell 0 is not convex"):
         make_system(arrow, SOLID)
+    corners = [(-2.0, 0.0), (-1.0, 2.0), (-1.0, -1.0), (0.0, 0.0), (1.0, 0.6), (2.0, 0.0), (1.0, 2.0)]
+    second = PolygonMesh.from_cells(corners, [[0, 2, 3, 1], [3, 4, 5, 6]])
+    with pytest.raises(InputError, match="cell 1 is not convex"):
+        make_system(second, SOLID)
 
 
 def test_names_and_settings_that_do_not_exist() -> None:
