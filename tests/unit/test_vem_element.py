@@ -49,6 +49,15 @@ def rank_deficit(tables):
     return int((singular < 1e-6 * singular[0]).sum())
 
 
+def test_the_memory_of_tables_is_that_of_their_arrays():
+    for degree in (2, 3):
+        tables = tables_of(SHAPES["square"], 2, degree)
+        gradients = tables.gradients
+        second = 0 if gradients.shared else gradients.second_sxma.size
+        parts = (gradients.first_stxma.size, second, tables.w_sq.size, tables.xi_sqx.size, tables.h_s.size)
+        assert tables.nbytes == 8 * sum(parts)
+
+
 @pytest.mark.parametrize(("name", "degree"), SMALLEST_DEGREE.items())
 def test_known_degrees_of_full_rank(name, degree):
     (group,) = build_elements(mesh_of(ALL_SHAPES[name]), ElementSettings(projection="full"))
