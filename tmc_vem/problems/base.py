@@ -16,6 +16,7 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
 from tmc_vem.support.validation import require_choice
 from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.forces import Force
 
 HOLDS = ("medium",)
 
@@ -110,6 +111,10 @@ class Problem(Protocol):
     def prescribed(self) -> Sequence[Prescribed]:
         """Supports and loads."""
 
+    def forces(self) -> Sequence[Force]:
+        """Forces and springs; see :func:`forces_of` for problems that do not have the method."""
+        return ()
+
     def probes(self) -> Mapping[str, Probe]:
         """What is measured at every load step, by name; reports compare problems by ``gap``, if there is one."""
 
@@ -126,3 +131,9 @@ class Problem(Protocol):
 def media_of(problem: Problem) -> list[str]:
     """Names of the regions that are third medium."""
     return [name for name, region in problem.regions().items() if region.is_medium]
+
+
+def forces_of(problem: Problem) -> tuple[Force, ...]:
+    """Forces and springs of a problem; none of one that says nothing of any."""
+    method = getattr(problem, "forces", None)
+    return () if method is None else tuple(method())

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Problem, RegionEnergy
+from tmc_vem.problems.base import Problem, RegionEnergy, forces_of
 from tmc_vem.problems.probes import Probe, as_plain
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
 from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.forces import Force
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,10 @@ class Wrapped:
     def prescribed(self) -> Sequence[Prescribed]:
         """Supports and loads of the problem."""
         return self.problem.prescribed()
+
+    def forces(self) -> Sequence[Force]:
+        """Forces and springs of the problem."""
+        return forces_of(self.problem)
 
     def probes(self) -> Mapping[str, Probe]:
         """Probes of the problem."""
