@@ -15,7 +15,7 @@ from tmc_vem.problems.probes import Probe
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
 from tmc_vem.support.validation import require_choice
-from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.constraints import Condition
 from tmc_vem.system.forces import Force
 
 HOLDS = ("medium",)
@@ -92,7 +92,10 @@ def medium_region(medium: Medium, mu: float, h: float | None = None) -> RegionEn
 
 
 class Problem(Protocol):
-    """A boundary value problem: everything but the discretisation and the solver."""
+    """A boundary value problem: everything but the discretisation and the solver.
+
+    One with forces or springs has a method ``forces() -> Sequence[Force]`` besides, see :func:`forces_of`.
+    """
 
     @property
     def name(self) -> str:
@@ -108,12 +111,8 @@ class Problem(Protocol):
     def regions(self) -> Mapping[str, RegionEnergy]:
         """Energy of every region of the mesh."""
 
-    def prescribed(self) -> Sequence[Prescribed]:
+    def prescribed(self) -> Sequence[Condition]:
         """Supports and loads."""
-
-    def forces(self) -> Sequence[Force]:
-        """Forces and springs; see :func:`forces_of` for problems that do not have the method."""
-        return ()
 
     def probes(self) -> Mapping[str, Probe]:
         """What is measured at every load step, by name; reports compare problems by ``gap``, if there is one."""
@@ -121,8 +120,9 @@ class Problem(Protocol):
     def units(self) -> Units:
         """Units of its lengths and forces, ``Units()`` if it has none in particular."""
 
-    def load(self) -> Prescribed:
-        """The condition that carries the load; its displacement and reaction are reported."""
+    def load(self) -> Condition | Force:
+        """The load that is reported first, with its displacement and reaction; see :mod:`tmc_vem.simulation.measured`
+        for what these are if it is none of a displacement. Loads with names are reported by name as well."""
 
     def inputs(self) -> dict[str, Any]:
         """All parameters as plain values for result files."""

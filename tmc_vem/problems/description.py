@@ -12,13 +12,22 @@ from tmc_vem.mesh.make.estimate import STEEPEST
 from tmc_vem.mesh.make.far import near
 from tmc_vem.mesh.make.shapes import HUGE, Shape, disc, polygon, rectangle
 from tmc_vem.problems.base import check_hold
+from tmc_vem.problems.load_tables import LoadTable, SpringTable
 from tmc_vem.problems.materials import Material, Medium, chosen_weight
 from tmc_vem.problems.probes import GAP, Displacement, Gap, MeanJ, Place, Position, Probe, Reaction, check_name
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.settings import about, described, same_as
 from tmc_vem.support.units import Units
 from tmc_vem.support.validation import require_choice, require_finite, require_positive, require_within, shown
-from tmc_vem.system.constraints import COMPONENTS
+from tmc_vem.system.constraints import (
+    ACROSS,
+    COMPONENTS,
+    PROPORTIONAL,
+    Amplitude,
+    Condition,
+    Prescribed,
+    PrescribedAcross,
+)
 
 XY = tuple[float, float]
 CELLS = ("voronoi", "triangles", "quadrilaterals")
@@ -249,18 +258,43 @@ class ConditionTable:
     Attributes:
         at: name of the point or edges.
         ux, uy: components; one that is left out is free.
+        normal, tangential: displacement across a straight edge of any direction, or along it; 0 of the first is a
+            roller on an incline.
     """
 
     at: str
     ux: float | None = None
     uy: float | None = None
+    normal: float | None = None
+    tangential: float | None = None
 
     def __post_init__(self) -> None:
-        if self.ux is None and self.uy is None:
-            raise InputError("give ux or uy or both; ux = 0 holds, what is left out is free")
+        given = [name for name in (*COMPONENTS, *ACROSS) if getattr(self, name) is not None]
+        if not given:
+            raise InputError("give ux, uy, normal or tangential; ux = 0 holds, what is left out is free")
+        for name in given:
+            require_finite(name, getattr(self, name), "a displacement")
         for name in COMPONENTS:
-            if getattr(self, name) is not None:
-                require_finite(name, getattr(self, name), "a displacement")
+            if name in given and any(other in given for other in ACROSS):
+                raise InputError(
+                    f"{name} and {given[-1]} do not go together: give what is held along x and y, or across and along "
+                    "the edge"
+                )
+
+    def conditions(self, amplitude: Amplitude = PROPORTIONAL) -> list[Condition]:
+        """What it prescribes.
+
+        Args:
+            amplitude: how displacements other than 0 grow.
+        """
+        values = {name: getattr(self, name) for name in (*COMPONENTS, *ACROSS)}
+        return [
+            Prescribed(self.at, COMPONENTS[name], value, amplitude)
+            if name in COMPONENTS
+            else PrescribedAcross(self.at, name, value, amplitude)
+            for name, value in values.items()
+            if value is not None
+        ]
 
 
 @dataclass(frozen=True)
@@ -325,7 +359,7 @@ class ProblemTable:
         name: of the problem, for titles and tables.
         regions: by name.
         support: where displacements are prescribed.
-        load: the one displacement component that is reported with its reaction.
+        load: what acts: one load, whose displacement and reaction are reported, or several, each by its name.
         mesh: how the mesh is made.
         shapes: by name.
         points: names for nodes on outlines, by their coordinates.
@@ -333,13 +367,14 @@ class ProblemTable:
         gap: two points whose distance is reported; short for a probe of that name.
         probes: what else is measured at every load step, by name.
         units: of length and force; any consistent set by default.
+        spring: what holds points or edges elastically.
         solve: method and steps, as in :class:`tmc_vem.simulation.options.RunOptions`.
     """
 
     name: str
     regions: Mapping[str, RegionTable]
     support: tuple[ConditionTable, ...]
-    load: ConditionTable
+    load: LoadTable | tuple[LoadTable, ...] | ConditionTable
     mesh: MeshTable
     shapes: Mapping[str, ShapeTable] = field(default_factory=dict)
     points: Mapping[str, XY] = field(default_factory=dict)
@@ -347,11 +382,11 @@ class ProblemTable:
     gap: tuple[Place, Place] | None = None
     probes: Mapping[str, ProbeTable] = field(default_factory=dict)
     units: Units = field(default_factory=Units)
+    spring: tuple[SpringTable, ...] = ()
     solve: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if (self.load.ux is None) == (self.load.uy is None):
-            raise InputError("load: give one of ux and uy; further components belong to [[support]]")
+        self._check_loads()
         if self.gap is not None and GAP in self.probes:
             raise InputError(f"probes: {GAP}: there is a gap at the top of the file already; leave out one of them")
         for name in self.probes:
@@ -370,3 +405,44 @@ class ProblemTable:
             if (region.shape is not None) != bool(self.shapes):
                 text = "lacks 'shape'" if self.shapes else "has a shape, but the mesh comes from a file"
                 raise InputError(f"regions: {name}: {text}")
+
+    @property
+    def loads(self) -> tuple[LoadTable, ...]:
+        """All loads."""
+        if isinstance(self.load, ConditionTable):
+            return (LoadTable(self.load.at, self.load.ux, self.load.uy, self.load.normal, self.load.tangential),)
+        return (self.load,) if isinstance(self.load, LoadTable) else self.load
+
+    @property
+    def names_of_loads(self) -> tuple[str, ...]:
+        """Names that loads are reported by; the only one, if it is a displacement component, needs none."""
+        if len(self.loads) == 1 and not self.spring and self.loads[0].kind in COMPONENTS:
+            return ("",)
+        return tuple(table.name or f"load_{n}" for n, table in enumerate(self.loads, start=1))
+
+    @property
+    def names_of_springs(self) -> tuple[str, ...]:
+        """Names that springs are reported by."""
+        return tuple(table.name or f"spring_{n}" for n, table in enumerate(self.spring, start=1))
+
+    def _check_loads(self) -> None:
+        if isinstance(self.load, ConditionTable) and (self.load.ux is None) == (self.load.uy is None):
+            raise InputError("load: give one of ux and uy; further components belong to [[support]]")
+        if not self.loads:
+            raise InputError("load: there is none")
+        if isinstance(self.load, tuple):
+            for n, table in enumerate(self.load, start=1):
+                try:
+                    table.require_something()
+                except InputError as error:
+                    raise InputError(f"load, entry {n}: {error}") from None
+        names = [("load", name) for name in self.names_of_loads] + [("spring", name) for name in self.names_of_springs]
+        known: dict[str, str] = {}
+        for n, (kind, name) in enumerate(names):
+            number = n + 1 if kind == "load" else n + 1 - len(self.loads)
+            if name in known:
+                raise InputError(
+                    f"{kind}, entry {number}: name = {shown(name)} is that of {known[name]} already: give each a name "
+                    "of its own"
+                )
+            known[name] = f"{kind}, entry {number},"

@@ -11,7 +11,7 @@ from tmc_vem.problems.base import Problem, RegionEnergy, forces_of
 from tmc_vem.problems.probes import Probe, as_plain
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
-from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.constraints import Condition
 from tmc_vem.system.forces import Force
 
 
@@ -38,7 +38,7 @@ class Wrapped:
         """Regions of the problem."""
         return self.problem.regions()
 
-    def prescribed(self) -> Sequence[Prescribed]:
+    def prescribed(self) -> Sequence[Condition]:
         """Supports and loads of the problem."""
         return self.problem.prescribed()
 
@@ -54,7 +54,7 @@ class Wrapped:
         """Units of the problem."""
         return self.problem.units()
 
-    def load(self) -> Prescribed:
+    def load(self) -> Condition | Force:
         """Load of the problem."""
         return self.problem.load()
 

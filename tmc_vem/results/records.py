@@ -45,6 +45,8 @@ class StepRecord:
         parameters: values of the medium's parameters while they are continued, by name; empty otherwise.
         load_force: work of the prescribed displacements per load factor: the sum of each reaction times its
             displacement at full load; None in old runs.
+        load_work: what loads, moving supports and springs have done on the body since the start; None, and no column,
+            where there are neither histories nor loads with names.
     """
 
     step: int
@@ -63,6 +65,7 @@ class StepRecord:
     time: float | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     load_force: float | None = None
+    load_work: float | None = None
 
     @property
     def coordinate(self) -> float:
@@ -81,7 +84,7 @@ class StepRecord:
         """
         flat: dict[str, Any] = {}
         for name, value in asdict(self).items():
-            if name not in _GROUPS:
+            if name not in (*_GROUPS, "load_work") or (name == "load_work" and value is not None):
                 flat |= value if name == "probes" else {name: value}
         for name, prefix in _GROUPS.items():
             flat |= {prefix + key: value for key, value in getattr(self, name).items()}
@@ -117,6 +120,7 @@ class StepRecord:
             time=float(row["time"]) if row.get("time") else None,
             parameters=group("parameters"),
             load_force=float(row["load_force"]) if row.get("load_force") else None,
+            load_work=float(row["load_work"]) if row.get("load_work") else None,
         )
 
     @staticmethod
@@ -127,7 +131,7 @@ class StepRecord:
 
 
 # columns of history.csv that every run has
-COLUMNS = tuple(entry.name for entry in fields(StepRecord) if entry.name not in ("probes", *_GROUPS))
+COLUMNS = tuple(entry.name for entry in fields(StepRecord) if entry.name not in ("probes", "load_work", *_GROUPS))
 
 
 class Written(Protocol):

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Problem, RegionEnergy
+from tmc_vem.problems.base import Problem, RegionEnergy, media_of
+from tmc_vem.problems.directions import on_mesh as resolved
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.memory import reuse_freed
-from tmc_vem.support.parallel import on_every_rank
+from tmc_vem.support.parallel import from_root, on_every_rank
+from tmc_vem.system.constraints import Condition
 from tmc_vem.system.discretisation import Discretisation
+from tmc_vem.system.turned import with_axes
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 if TYPE_CHECKING:
@@ -39,16 +43,48 @@ def discretise(
         CodegenError: an energy's kernel cannot be made.
     """
 
-    def make_mesh() -> PolygonMesh:
-        mesh = problem.make_mesh()
-        if on_mesh is not None:
-            on_mesh(mesh)
-        return mesh
+    return with_axes(_along_x_and_y(problem, options, comm, on_mesh))
 
+
+@dataclass
+class _Whole:
+    """The whole mesh on rank 0, until it is taken, and what is prescribed on it, which all ranks know.
+
+    Args:
+        problem: whose mesh.
+        comm: the ranks.
+        on_mesh: called with the mesh before anything else.
+    """
+
+    problem: Problem
+    comm: Comm
+    on_mesh: Callable[[PolygonMesh], object] | None
+
+    def __post_init__(self) -> None:
+        self._meshes: list[PolygonMesh] = []
+        self.prescribed = from_root(self.comm, self._make)
+
+    def take(self) -> PolygonMesh:
+        """The mesh, once, so that nothing holds it afterwards."""
+        return self._meshes.pop()
+
+    def _make(self) -> tuple[Condition, ...]:
+        mesh = self.problem.make_mesh()
+        if self.on_mesh is not None:
+            self.on_mesh(mesh)
+        self._meshes.append(mesh)
+        return resolved(self.problem.prescribed(), mesh, media_of(self.problem))
+
+
+def _along_x_and_y(
+    problem: Problem, options: RunOptions, comm: Comm, on_mesh: Callable[[PolygonMesh], object] | None
+) -> Discretisation:
+    """The system of a problem whose vectors are along x and y."""
     if options.method == "fem":
         from tmc_vem.fem.system import FemSystem
 
-        return FemSystem(comm, make_mesh, problem.regions(), problem.prescribed(), options.fem)
+        whole = _Whole(problem, comm, on_mesh)
+        return FemSystem(comm, whole.take, problem.regions(), whole.prescribed, options.fem)
 
     from tmc_vem.mesh.spread.distribute import distribute
     from tmc_vem.vem.system import VemSystem
@@ -57,9 +93,10 @@ def discretise(
         comm, lambda: {name: _kernels(name, region, options.element) for name, region in problem.regions().items()}
     )
     costs = {name: MEDIUM_COST for name, region in problem.regions().items() if region.is_medium}
-    mesh = distribute(comm, make_mesh, costs)
+    whole = _Whole(problem, comm, on_mesh)
+    mesh = distribute(comm, whole.take, costs)
     reuse_freed()
-    return VemSystem(mesh, kernels, problem.prescribed(), options.element)
+    return VemSystem(mesh, kernels, whole.prescribed, options.element)
 
 
 def require_finite_start(system: Discretisation, problem: Problem) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem, media_of
+from tmc_vem.problems.columns import columns_of, pair_of, quantities_of
 from tmc_vem.results.contact.contact import check_contact
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.energy_balance import energy_balance
@@ -26,6 +27,7 @@ from tmc_vem.results.unfinished import how_to_go_on
 from tmc_vem.simulation.balance import balance
 from tmc_vem.simulation.checkpoint import DURABLE, Checkpoint
 from tmc_vem.simulation.gauge import Gauge
+from tmc_vem.simulation.measured import LoadGauge, Reading
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.overlap import OverlapWatch
 from tmc_vem.simulation.provenance import versions
@@ -38,6 +40,7 @@ from tmc_vem.support.timing import Timer
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Fields
+from tmc_vem.system.forces import BodyForce
 from tmc_vem.system.layout import DISPLACEMENT
 
 Float = NDArray[np.float64]
@@ -67,6 +70,8 @@ class Recorder:
     ) -> None:  # fmt: skip
         self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
         self.gauge, self.monitor, self.timer, self.watch = gauge, monitor, timer, watch
+        self.loads = LoadGauge(problem, system)
+        self._read: Reading | None = None
         self._inverted: dict[str, Any] = {}
         self.history: list[StepRecord] = []
         self._plain_history: list[dict[str, Any]] = []
@@ -89,15 +94,16 @@ class Recorder:
         """Record a converged step; called on all ranks."""
         u, residual = states.vectors[-1], step.newton.residual
         assert residual is not None  # it has converged
-        load = self.problem.load()
         regions = step.newton.evaluation.regions
         with self.timer("tables"):
+            reading = self.loads.read(u, residual, step.control, self._read)
+            self._read = reading
             record = StepRecord(
                 step=step.number,
                 load=step.load,
-                displacement=load.at(step.control),
-                probes=self.gauge.read(u, residual, functools.partial(self.watch.behind, u)),
-                reaction=self.system.reaction(residual, load.where, load.component),
+                displacement=reading.displacement,
+                probes={**self.gauge.read(u, residual, functools.partial(self.watch.behind, u)), **reading.columns},
+                reaction=reading.reaction,
                 iterations=len(step.newton.iterations),
                 cut_backs=step.cut_backs,
                 wasted_iterations=step.wasted_iterations,
@@ -109,6 +115,7 @@ class Recorder:
                 time=step.time,
                 parameters=step.control.parameters,
                 load_force=self._load_force(residual, step.control),
+                load_work=reading.work,
             )
             self._add_to_history(record)
         if self._snapshots is not None:
@@ -159,9 +166,21 @@ class Recorder:
             self.directory.rewrite_history(self.history, units)
         if self._snapshots is not None:
             self._snapshots.restore(facts["snapshots"])
+        if self.history:
+            self._read = self._read_again(u)
         position = dict(facts["position"])
         position["stiffer"] = tuple(tuple(pair) for pair in position["stiffer"])
         return states, StepperState(**position)
+
+    def _read_again(self, u: Vec) -> Reading:
+        """The loads at the last state, from which work is summed on."""
+        last = self.history[-1]
+        control = Control(last.load, last.parameters)
+        if control.parameters:
+            self.system.set_parameters(control.parameters)
+        residual = self.system.create_vector()
+        self.system.residual(u, residual)
+        return self.loads.again(u, residual, control, last.probes, last.load_work)
 
     def begin(self, *, locked: bool) -> None:
         """Say in the run directory what the run is; called on all ranks.
@@ -200,7 +219,7 @@ class Recorder:
         with self.timer("check"):
             residual = self.system.create_vector()
             evaluation = self.system.residual(u, residual)
-            checks: dict[str, Any] = {"imbalance": self._imbalance(residual), **self._second_gradient(u, evaluation)}
+            checks: dict[str, Any] = {"imbalance": self._imbalance(u, residual), **self._second_gradient(u, evaluation)}
             checks |= {**self._between_the_points(u), **self._inverted}
             balance_of_energy = energy_balance(self.history)
             if balance_of_energy:
@@ -285,15 +304,15 @@ class Recorder:
         values = residual.getArray(readonly=True)[self.system.constrained()]
         return float(self.system.comm.allreduce(float(values @ self.system.prescribed_per_load(position))))
 
-    def _imbalance(self, residual: Vec) -> float:
-        """Resultant of all reactions, relative to the largest of them: 0 in equilibrium."""
-        values = residual.getArray(readonly=True)
-        held = self.system.constrained()
-        parts = self.system.comm.allgather((DISPLACEMENT.component(held), values[held]))
-        component = np.concatenate([part[0] for part in parts])
-        reaction = np.concatenate([part[1] for part in parts])
-        largest = float(np.abs(reaction).max(initial=0.0))
-        resultant = np.hypot(reaction[component == 0].sum(), reaction[component == 1].sum())
+    def _imbalance(self, u: Vec, residual: Vec) -> float:
+        """Resultant of all reactions and forces, relative to the largest of them: 0 in equilibrium."""
+        parts = self.system.comm.allgather(self.system.held_forces(residual))
+        reaction_ni = np.concatenate(parts)
+        last = Control(self.history[-1].load) if self.history else Control(0.0)
+        measures = self.system.measures(u, last).values()
+        acting = np.array([(each["force_x"], each["force_y"]) for each in measures]).reshape(-1, 2)
+        largest = max(float(np.abs(forces).max(initial=0.0)) for forces in (reaction_ni, acting))
+        resultant = np.hypot(*(reaction_ni.sum(axis=0) + acting.sum(axis=0)))
         return float(resultant) / largest if largest else 0.0
 
     def _second_gradient(self, u: Vec, evaluation: Evaluation) -> dict[str, float]:
@@ -335,10 +354,12 @@ class Recorder:
 
     def _units(self, record: StepRecord | None = None) -> dict[str, str]:
         """Units of the columns of the history; without a record, of those that every step will have."""
-        kinds = {name: probe.kind for name, probe in self.gauge.probes.items()}
+        kinds = {name: probe.kind for name, probe in self.gauge.probes.items()} | columns_of(self.problem)
+        moved, force = (quantities_of(self.problem.load())[name] for name in pair_of(self.problem.load()))
+        first = {"displacement": moved, "reaction": force}
         by_region = [f"{group}{name}" for group in ("min_j_", "energy_") for name in self.problem.regions()]
         columns = ["displacement", *kinds, "reaction", *by_region] if record is None else record.as_row()
-        return self.problem.units().of_columns(columns, kinds)
+        return self.problem.units().of_columns(columns, kinds | first)
 
     def _headings(self, record: StepRecord) -> dict[str, str]:
         """Units that stand in the headings of history.csv: those that the problem declares."""
@@ -349,7 +370,9 @@ class Recorder:
             return f"{self.problem.name}, undeformed"
         last = self.history[-1]
         gap = "" if last.gap is None else f", gap {last.gap:.4g}"
-        return f"{self.problem.name} at {self.problem.load().where} displacement {last.displacement:g}{gap}"
+        load = self.problem.load()
+        where = "" if isinstance(load, BodyForce) else f"{load.where} "
+        return f"{self.problem.name} at {where}{pair_of(load)[0]} {last.displacement:g}{gap}"
 
 
 @contextmanager

@@ -242,6 +242,8 @@ class LoadStepper:
                 if jumped:  # there is nothing to extrapolate across a jump to another branch, nor to compare with
                     states.forget()
                     position = replace(position, far_at=0.0)
+                elif self.path.is_kink(target):  # nor across a kink of what is prescribed
+                    states.forget()
                 size = self._next_size(position, target, len(result.iterations), cut_backs > 0 and not jumped)
                 position = replace(position, time=target, size=size, number=position.number + 1)
                 wasted = self.solver.iterations_done - done - len(result.iterations)

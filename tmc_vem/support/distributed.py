@@ -166,6 +166,9 @@ class Mat(Protocol):
     def mult(self, x: Vec, y: Vec) -> None:
         """``y`` becomes the product with ``x``."""
 
+    def ptap(self, P: Mat) -> Mat:
+        """``P^T A P`` as a new matrix."""
+
     def zeroEntries(self) -> None:
         """All values become 0, and the pattern stays."""
 
@@ -186,6 +189,9 @@ class Mat(Protocol):
 
     def copy(self, result: Mat | None = None, structure: object = None) -> Mat:
         """Copy into another matrix."""
+
+    def destroy(self) -> object:
+        """Free it."""
 
 
 class Pc(Protocol):

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.support.distributed import Comm, Mat, Vec
+from tmc_vem.system.constraints import Condition, Pair
 from tmc_vem.system.control import Control
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.places import PointSource
@@ -78,7 +79,8 @@ class NonlinearSystem(Protocol):
     """A discretised potential with prescribed displacements: what the solver needs.
 
     Vectors and matrices are distributed over the ranks of ``comm``. ``residual`` is the full gradient of the potential,
-    so its entries at constrained degrees of freedom are the reactions.
+    so its entries at constrained degrees of freedom are the reactions. Where a displacement across an inclined edge is
+    prescribed, the entries of vectors are across and along it (:mod:`tmc_vem.system.turned`).
 
     Attributes:
         comm: the ranks.
@@ -94,11 +96,18 @@ class NonlinearSystem(Protocol):
     def create_matrix(self) -> Mat:
         """A new preallocated matrix for the tangent."""
 
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """What is prescribed, with the axes that it has on the mesh."""
+
     def constrained(self) -> NDArray[np.int32]:
         """Constrained degrees of freedom that this rank owns, as positions in the rank's part of a vector."""
 
     def set_parameters(self, values: Mapping[str, float]) -> None:
         """Change parameters, by name, in every energy that has them."""
+
+    def set_position(self, position: Control) -> None:
+        """From now on, the potential is that at a position on the path, where forces depend on it."""
 
     def prescribed(self, position: Control) -> Float:
         """Displacements at a position on the path, parallel to :meth:`constrained`."""
@@ -108,6 +117,10 @@ class NonlinearSystem(Protocol):
 
     def residual(self, u: Vec, out: Vec) -> Evaluation:
         """Gradient of the potential at ``u`` into ``out``, constrained entries included."""
+
+    def add_residual_per_load(self, u: Vec, position: Control, out: Vec) -> None:
+        """Add to ``out`` the derivative of the residual at ``u`` with respect to the load factor, at a position on the
+        path: that of forces which change along it."""
 
     def energy(self, u: Vec) -> Evaluation:
         """Potential at ``u`` alone."""
@@ -155,6 +168,26 @@ class Discretisation(NonlinearSystem, PointSource, Protocol):
 
     def reaction(self, residual: Vec, where: str, component: int) -> float:
         """Force that holds a named point or edge set, summed over its nodes, equal on all ranks."""
+
+    def held_forces(self, residual: Vec) -> Float:
+        """(n, 2) forces that hold this rank's nodes at which something is prescribed."""
+
+    def resultant(self, u: Vec, residual: Vec, where: str, about: Pair) -> Float:
+        """Resultant (3,) of what holds a named point or edge set: the force's components, and its moment about a point
+        in the deformed state; equal on all ranks."""
+
+    def measures(self, u: Vec, position: Control) -> dict[str, dict[str, float]]:
+        """What there is to say about every force and spring at a state and a position on the path, by its name; see
+        :mod:`tmc_vem.system.loaded`."""
+
+    # -- what forces act on
+
+    def owned_nodes(self, where: str) -> Int:
+        """Nodes (n,) at a named point or edge set that this rank owns, as positions in its part of a vector.
+
+        Raises:
+            InputError: the mesh has nothing of that name.
+        """
 
     # -- nodes
 

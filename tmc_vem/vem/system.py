@@ -20,13 +20,14 @@ from tmc_vem.support.memory import give_back
 from tmc_vem.support.parallel import on_every_rank
 from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constrained import Constrained
-from tmc_vem.system.constraints import Prescribed, is_called
+from tmc_vem.system.constraints import Condition, Pair, is_called
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
-from tmc_vem.system.reduction import Shares, at_named_points, reaction, step_limit
+from tmc_vem.system.reduction import Shares, at_named_points, reaction, resultant, step_limit
+from tmc_vem.system.unloaded import Unloaded
 from tmc_vem.vem.blocks import CHUNK, Block, RegionKernel, make_blocks
 from tmc_vem.vem.dense import smallest_jacobians
 from tmc_vem.vem.dofmap import DofMap
@@ -48,7 +49,7 @@ T = TypeVar("T")
 Evaluated = tuple[list[CellValues], list[tuple[SideTerms, tuple[Float, Float]]]]  # of blocks, and of sides
 
 
-class VemSystem:
+class VemSystem(Unloaded):
     """Stabilization-free virtual elements for a potential of F and G; implements ``Discretisation``.
 
     Args:
@@ -65,7 +66,7 @@ class VemSystem:
         self,
         distributed: DistributedMesh,
         kernels: Mapping[str, RegionKernel],
-        prescribed: Sequence[Prescribed] = (),
+        prescribed: Sequence[Condition] = (),
         settings: ElementSettings | None = None,
     ) -> None:
         self.comm = distributed.comm
@@ -79,7 +80,7 @@ class VemSystem:
         self._local = self.dofmap.dm.createLocalVec()
         self._work = self.dofmap.dm.createLocalVec()
         self._named_nodes = functools.cache(self._nodes_of)
-        self._constrained_local = Constrained.of(prescribed, self._named_nodes)
+        self._constrained_local = Constrained.of(prescribed, self._named_nodes, self._node_points()).along_x_and_y()
         self._constrained = self._constrained_local.renumbered(self.dofmap.owned_node_n)
         groups = element_groups(distributed.mesh, self.settings, distributed.cell_ids)
         self.blocks = on_every_rank(self.comm, lambda: make_blocks(distributed, self.dofmap, groups, kernels))
@@ -118,6 +119,11 @@ class VemSystem:
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
         matrix.setNearNullSpace(rigid_motions(self.comm, self.node_labels(), self.create_vector))
         return matrix
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """What is prescribed, with the axes that it has on the mesh."""
+        return self._constrained.prescribed
 
     def constrained(self) -> NDArray[np.int32]:
         """Constrained entries owned by this rank, as positions in its part of a global vector."""
@@ -216,8 +222,22 @@ class VemSystem:
 
     def reaction(self, residual: Vec, where: str, component: int) -> float:
         """Force that holds a named point or edge set, summed over its nodes."""
+        return reaction(self.comm, residual, self.owned_nodes(where), component)
+
+    def held_forces(self, residual: Vec) -> Float:
+        """(n, 2) forces that hold this rank's nodes at which something is prescribed."""
+        return self._constrained.forces(DISPLACEMENT.nodal(residual.getArray(readonly=True)))
+
+    def resultant(self, u: Vec, residual: Vec, where: str, about: Pair) -> Float:
+        """Force and moment (3,) that hold a named point or edge set."""
+        nodes = self._named_nodes(where)
+        points_nx = self._node_points()[nodes[self.dofmap.owned_node_n[nodes] >= 0]]
+        return resultant(self.comm, u, residual, self.owned_nodes(where), points_nx, about)
+
+    def owned_nodes(self, where: str) -> Int:
+        """Nodes at a named point or edge set that this rank owns, as positions in its part of a vector."""
         nodes = self.dofmap.owned_node_n[self._named_nodes(where)]
-        return reaction(self.comm, residual, nodes[nodes >= 0], component)
+        return nodes[nodes >= 0]
 
     # -- beyond the solver ------------------------------------------------------------------------------------
 
@@ -261,10 +281,7 @@ class VemSystem:
 
         Coordinates and 0 for nodes on sides; a cell's centroid and 1, 2, ... for its moments.
         """
-        polygons = self.output_polygons()
-        labels = np.zeros((self.dofmap.n_nodes, 3))
-        on_sides = np.concatenate([self.dofmap.vertex_nodes, self.dofmap.edge_nodes.ravel()])
-        labels[on_sides, :2] = polygons.points_nx
+        labels = np.column_stack([self._node_points(), np.zeros(self.dofmap.n_nodes)])
         for _, cells, vertices_cv in self.distributed.mesh.cells_by_size():
             center_cx = centroids(self.distributed.mesh.points_vx[vertices_cv])
             for m, nodes in enumerate(self.dofmap.cell_moments[cells].T):
@@ -427,6 +444,13 @@ class VemSystem:
         total.destroy()
         nodes: Int = np.flatnonzero(marked)
         return nodes
+
+    def _node_points(self) -> Float:
+        """(n_nodes, 2) places of this rank's nodes on sides; 0 for moments of cells."""
+        points_nx = np.zeros((self.dofmap.n_nodes, 2))
+        on_sides = np.concatenate([self.dofmap.vertex_nodes, self.dofmap.edge_nodes.ravel()])
+        points_nx[on_sides] = self.output_polygons().points_nx
+        return points_nx
 
     def _extent(self) -> float:
         points = self.distributed.mesh.points_vx
