@@ -33,6 +33,8 @@ from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
 from tmc_vem.system.reduction import Shares, at_named_points, in_order, reaction, step_limit
+from tmc_vem.system.sides import Sides
+from tmc_vem.system.unloaded import Unloaded, require_regions
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -41,7 +43,7 @@ Components = Callable[[tuple[int, ...]], NDArray[Any]]
 CELLS_AT_ONCE = 4096  # whose dense arrays are held at a time
 
 
-class FemSystem:
+class FemSystem(Unloaded):
     """Lagrange elements of order 2 or 3 for a potential of F and G; implements ``Discretisation``.
 
     Residual and tangent come from compiled forms; energies, J and the step limit from numpy at the same quadrature
@@ -167,7 +169,22 @@ class FemSystem:
 
     def reaction(self, residual: Vec, where: str, component: int) -> float:
         """Force that holds a named point or edge set, summed over its nodes."""
-        return reaction(self.comm, residual, self.nodes.named(where), component)
+        return reaction(self.comm, residual, self.owned_nodes(where), component)
+
+    def owned_nodes(self, where: str) -> Int:
+        """Nodes at a named point or edge set that this rank owns, as positions in its part of a vector."""
+        return self.nodes.named(where)
+
+    def sides(self, where: str) -> Sides:
+        """Sides of this rank's cells along named edges."""
+        return self.nodes.sides_along(where)
+
+    def area_weights(self, regions: Sequence[str]) -> Float:
+        """(n_owned_nodes,) integrals of the basis functions over regions."""
+        require_regions(regions, self.region_names)
+        inside_c = np.isin(np.array(self.region_names)[self.mesh.region_c[: self.mesh.n_owned]], regions)
+        loads = self.points.nodal_loads(inside_c[:, None, None] * np.ones_like(self.points.X_cqx))
+        return self.nodes.sum_over_cells(loads)[:, 0]
 
     # -- beyond the solver ---------------------------------------------------------------------------------------
 

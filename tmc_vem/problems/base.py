@@ -92,7 +92,10 @@ def medium_region(medium: Medium, mu: float, h: float | None = None) -> RegionEn
 
 
 class Problem(Protocol):
-    """A boundary value problem: everything but the discretisation and the solver."""
+    """A boundary value problem: everything but the discretisation and the solver.
+
+    One with forces or springs has a method ``forces() -> Sequence[Force]`` besides, see :func:`forces_of`.
+    """
 
     @property
     def name(self) -> str:
@@ -110,10 +113,6 @@ class Problem(Protocol):
 
     def prescribed(self) -> Sequence[Prescribed]:
         """Supports and loads."""
-
-    def forces(self) -> Sequence[Force]:
-        """Forces and springs; see :func:`forces_of` for problems that do not have the method."""
-        return ()
 
     def probes(self) -> Mapping[str, Probe]:
         """What is measured at every load step, by name; reports compare problems by ``gap``, if there is one."""

@@ -12,6 +12,8 @@ from tmc_vem.mesh.rigid import FreePart, free_parts
 from tmc_vem.problems.base import RegionEnergy
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import COMPONENTS, Prescribed, is_called
+from tmc_vem.system.forces import BodyForce, CavityPressure, FollowerPressure, Force, PointForce, Spring, Traction
+from tmc_vem.system.unloaded import require_regions
 
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
@@ -32,20 +34,24 @@ def vertices_at(mesh: PolygonMesh, where: str) -> Int:
     return found
 
 
-def held_components(mesh: PolygonMesh, prescribed: Sequence[Prescribed]) -> Bool:
-    """(n_vertices, 2) which components are prescribed at which vertices."""
+def held_components(mesh: PolygonMesh, prescribed: Sequence[Prescribed], forces: Sequence[Force] = ()) -> Bool:
+    """(n_vertices, 2) which components are prescribed, or held by springs, at which vertices."""
     held = np.zeros((mesh.n_vertices, 2), dtype=np.bool_)
     for condition in prescribed:
         held[vertices_at(mesh, condition.where), condition.component] = True
+    for force in forces:
+        if isinstance(force, Spring):
+            held[vertices_at(mesh, force.where)] |= np.array(force.stiffness) > 0.0
     return held
 
 
-def check_conditions(prescribed: Sequence[Prescribed], load: Prescribed) -> None:
+def check_conditions(prescribed: Sequence[Prescribed], load: Prescribed, forces: Sequence[Force] = ()) -> None:
     """Check what names alone tell.
 
     Args:
         prescribed: supports and the load.
         load: the one among them that is the load.
+        forces: what acts besides.
 
     Raises:
         InputError: a component has a support and the load, or supports of different values, at places of one name; or
@@ -68,11 +74,43 @@ def check_conditions(prescribed: Sequence[Prescribed], load: Prescribed) -> None
                 f"'{support.where}' has two supports, {component} = {other.value:g} and {component} = "
                 f"{support.value:g}: leave out one of them"
             )
-    if not any(condition.value for condition in (*supports, load)):
+    if not any(condition.value for condition in (*supports, load)) and not any(map(acts, forces)):
         raise InputError(
             f"nothing moves: the load {_NAMES[load.component]} = {load.value:g} at '{load.where}' and all supports are "
             "0; give the load the displacement that is reached at full load"
         )
+
+
+def acts(force: Force) -> bool:
+    """Whether a force is not 0, and no spring."""
+    if isinstance(force, Spring):
+        return False
+    if isinstance(force, CavityPressure | FollowerPressure):
+        return force.pressure != 0.0
+    return any(force.traction if isinstance(force, Traction) else force.force)
+
+
+def check_forces(mesh: PolygonMesh, forces: Sequence[Force]) -> None:
+    """Check that what forces act on is there.
+
+    Raises:
+        InputError: it is not, or two forces have one name.
+    """
+    names = [force.name for force in forces]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f"two forces are called '{twice[0]}': give each a name of its own")
+    for force in forces:
+        try:
+            if isinstance(force, BodyForce):
+                require_regions(force.regions, mesh.region_names)
+            elif isinstance(force, PointForce | Spring):
+                vertices_at(mesh, force.where)
+            elif force.where not in mesh.named_edges:
+                known = ", ".join(mesh.named_edges) or "none"
+                raise InputError(f"the mesh has no edges named '{force.where}' (there are: {known})")
+        except InputError as error:
+            raise InputError(f"{force.name}: {error}") from None
 
 
 def check_shared(mesh: PolygonMesh, prescribed: Sequence[Prescribed], load: Prescribed) -> None:
@@ -110,13 +148,19 @@ def require_cells(mesh: PolygonMesh) -> None:
         )
 
 
-def require_held(mesh: PolygonMesh, regions: Mapping[str, RegionEnergy], prescribed: Sequence[Prescribed]) -> None:
-    """Check that supports and loads remove all rigid motions of each connected part, and of each solid in the medium.
+def require_held(
+    mesh: PolygonMesh,
+    regions: Mapping[str, RegionEnergy],
+    prescribed: Sequence[Prescribed],
+    forces: Sequence[Force] = (),
+) -> None:
+    """Check that supports, springs and loads remove all rigid motions of each connected part, and of each solid in the
+    medium.
 
     Raises:
         InputError: they do not, and the region does not say that the medium is meant to hold it.
     """
-    held_vi = held_components(mesh, prescribed)
+    held_vi = held_components(mesh, prescribed, forces)
     every = np.ones(mesh.n_cells, dtype=np.bool_)
     for part in free_parts(mesh, every, held_vi):
         raise InputError(

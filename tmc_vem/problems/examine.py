@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Problem, RegionEnergy
-from tmc_vem.problems.conditions import check_conditions, check_shared, require_cells, require_held
+from tmc_vem.problems.base import Problem, RegionEnergy, forces_of
+from tmc_vem.problems.conditions import check_conditions, check_forces, check_shared, require_cells, require_held
 from tmc_vem.problems.hints import cause_at, hints, likely
 from tmc_vem.problems.probes import Gap, Place, Probe
 from tmc_vem.support.errors import InputError
@@ -37,14 +37,16 @@ def examine(problem: Problem, mesh: PolygonMesh, loads: Sequence[float] = (1.0,)
         InputError: something can move freely, has two values at once, or is not there.
     """
     regions, prescribed, load = problem.regions(), problem.prescribed(), problem.load()
+    forces = forces_of(problem)
     missing = [name for name in mesh.region_names if name not in regions]
     if missing:
         raise InputError(f"region '{missing[0]}' has no energy (given: {', '.join(regions)})")
     require_cells(mesh)
-    check_conditions(prescribed, load)
+    check_conditions(prescribed, load, forces)
+    check_forces(mesh, forces)
     check_shared(mesh, prescribed, load)
     check_gaps(mesh, problem.probes())
-    require_held(mesh, regions, prescribed)
+    require_held(mesh, regions, prescribed, forces)
     return [
         *of_moduli(regions),
         *of_displacements(mesh, prescribed, loads),

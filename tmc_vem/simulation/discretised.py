@@ -7,13 +7,14 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Problem, RegionEnergy
+from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, media_of
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.memory import reuse_freed
 from tmc_vem.support.parallel import on_every_rank
 from tmc_vem.system.discretisation import Discretisation
+from tmc_vem.system.loaded import with_forces
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 if TYPE_CHECKING:
@@ -45,6 +46,13 @@ def discretise(
             on_mesh(mesh)
         return mesh
 
+    return with_forces(_unloaded(problem, options, comm, make_mesh), forces_of(problem), media_of(problem))
+
+
+def _unloaded(
+    problem: Problem, options: RunOptions, comm: Comm, make_mesh: Callable[[], PolygonMesh]
+) -> Discretisation:
+    """The system of a problem without its forces."""
     if options.method == "fem":
         from tmc_vem.fem.system import FemSystem
 

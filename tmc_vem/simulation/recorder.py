@@ -109,6 +109,7 @@ class Recorder:
                 time=step.time,
                 parameters=step.control.parameters,
                 load_force=self._load_force(residual, step.control),
+                forces=self.system.measures(u, step.control),
             )
             self._add_to_history(record)
         if self._snapshots is not None:
@@ -200,7 +201,8 @@ class Recorder:
         with self.timer("check"):
             residual = self.system.create_vector()
             evaluation = self.system.residual(u, residual)
-            checks: dict[str, Any] = {"imbalance": self._imbalance(residual), **self._second_gradient(u, evaluation)}
+            imbalance = self._imbalance(residual, self.history[-1].forces if self.history else {})
+            checks: dict[str, Any] = {"imbalance": imbalance, **self._second_gradient(u, evaluation)}
             checks |= {**self._between_the_points(u), **self._inverted}
             balance_of_energy = energy_balance(self.history)
             if balance_of_energy:
@@ -285,15 +287,17 @@ class Recorder:
         values = residual.getArray(readonly=True)[self.system.constrained()]
         return float(self.system.comm.allreduce(float(values @ self.system.prescribed_per_load(position))))
 
-    def _imbalance(self, residual: Vec) -> float:
-        """Resultant of all reactions, relative to the largest of them: 0 in equilibrium."""
+    def _imbalance(self, residual: Vec, forces: Mapping[str, Mapping[str, float]]) -> float:
+        """Resultant of all reactions, forces and springs, relative to the largest of them: 0 in equilibrium."""
         values = residual.getArray(readonly=True)
         held = self.system.constrained()
         parts = self.system.comm.allgather((DISPLACEMENT.component(held), values[held]))
         component = np.concatenate([part[0] for part in parts])
         reaction = np.concatenate([part[1] for part in parts])
-        largest = float(np.abs(reaction).max(initial=0.0))
-        resultant = np.hypot(reaction[component == 0].sum(), reaction[component == 1].sum())
+        acting = np.array([(each["force_x"], each["force_y"]) for each in forces.values()]).reshape(-1, 2)
+        largest = max(float(np.abs(part).max(initial=0.0)) for part in (reaction, acting))
+        x, y = (reaction[component == i].sum() + acting[:, i].sum() for i in range(DISPLACEMENT.components))
+        resultant = np.hypot(x, y)
         return float(resultant) / largest if largest else 0.0
 
     def _second_gradient(self, u: Vec, evaluation: Evaluation) -> dict[str, float]:

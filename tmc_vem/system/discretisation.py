@@ -6,7 +6,7 @@ A check by mypy and ``tests/unit/test_discretisation.py`` hold both to it, and w
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +16,8 @@ from tmc_vem.support.distributed import Comm, Mat, Vec
 from tmc_vem.system.control import Control
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.places import PointSource
+from tmc_vem.system.sides import Sides
+from tmc_vem.system.turned import Turned
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -34,14 +36,18 @@ class Evaluation:
     """Result of evaluating the potential at a state; equal on all ranks.
 
     Attributes:
-        energy: potential energy of all regions.
+        energy: potential: the energy of all regions and springs less the work of forces.
         regions: values by region name.
         worst: the smallest J and where it is, in words, for messages.
+        springs: energies of springs by name.
+        forces: what forces and springs contribute to the residual's norm, the larger of both.
     """
 
     energy: float
     regions: Mapping[str, RegionValues]
     worst: str = ""
+    springs: Mapping[str, float] = field(default_factory=dict)
+    forces: float = 0.0
 
     @property
     def min_j(self) -> float:
@@ -100,6 +106,9 @@ class NonlinearSystem(Protocol):
     def set_parameters(self, values: Mapping[str, float]) -> None:
         """Change parameters, by name, in every energy that has them."""
 
+    def set_position(self, position: Control) -> None:
+        """From now on, the potential is that at a position on the path, where forces depend on it."""
+
     def prescribed(self, position: Control) -> Float:
         """Displacements at a position on the path, parallel to :meth:`constrained`."""
 
@@ -108,6 +117,10 @@ class NonlinearSystem(Protocol):
 
     def residual(self, u: Vec, out: Vec) -> Evaluation:
         """Gradient of the potential at ``u`` into ``out``, constrained entries included."""
+
+    def add_residual_per_load(self, u: Vec, position: Control, out: Vec) -> None:
+        """Add to ``out`` the derivative of the residual at ``u`` with respect to the load factor, at a position on the
+        path: that of forces which change along it."""
 
     def energy(self, u: Vec) -> Evaluation:
         """Potential at ``u`` alone."""
@@ -155,6 +168,33 @@ class Discretisation(NonlinearSystem, PointSource, Protocol):
 
     def reaction(self, residual: Vec, where: str, component: int) -> float:
         """Force that holds a named point or edge set, summed over its nodes, equal on all ranks."""
+
+    def measures(self, u: Vec, position: Control) -> dict[str, dict[str, float]]:
+        """What there is to say about every force and spring at a state and a position on the path, by its name; see
+        :mod:`tmc_vem.system.loaded`."""
+
+    # -- what forces act on
+
+    def sides(self, where: str) -> Sides:
+        """Sides of this rank's cells along named edges; none if the mesh has no edges of that name."""
+
+    def owned_nodes(self, where: str) -> Int:
+        """Nodes (n,) at a named point or edge set that this rank owns, as positions in its part of a vector.
+
+        Raises:
+            InputError: the mesh has nothing of that name.
+        """
+
+    def turned(self) -> Turned:
+        """Nodes whose degrees of freedom are displacements along axes of their own."""
+
+    def area_weights(self, regions: Sequence[str]) -> Float:
+        """(n_owned_nodes,) integrals over regions of what the displacement of each node of this rank's part of a vector
+        is multiplied with.
+
+        Raises:
+            InputError: the mesh has no region of a name.
+        """
 
     # -- nodes
 
