@@ -31,7 +31,7 @@ def around_cavity(name: str, where: str, sides: AllSides) -> Int:
     _, first, count = np.unique(ends, return_index=True, return_counts=True)
     loose = np.flatnonzero(count % 2)
     if len(loose):
-        places = " and ".join(_place(corners.reshape(-1, 2)[first[n]]) for n in loose[:2])
+        places = " and ".join(shown_place(corners.reshape(-1, 2)[first[n]]) for n in loose[:2])
         raise InputError(
             f"{name}: the edges '{where}' do not close, they end at {places}: name the whole boundary of the cavity, "
             "or give edges that are open a follower pressure"
@@ -39,9 +39,10 @@ def around_cavity(name: str, where: str, sides: AllSides) -> Int:
     inside = _left_is_inside(corners)
     wrong = np.flatnonzero(inside & (sides.other_s[chosen] < 0))
     if len(wrong):
+        place = shown_place(corners[wrong[0]].mean(axis=0))
         raise InputError(
-            f"{name}: the edges '{where}' have the body inside, at {_place(corners[wrong[0]].mean(axis=0))}, and no "
-            "cavity: leave out what bounds the body on its outside, or give it a follower pressure"
+            f"{name}: the edges '{where}' have the body inside, at {place}, and no cavity: leave out "
+            "what bounds the body on its outside, or give it a follower pressure"
         )
     turns = np.zeros(len(sides), dtype=np.int64)
     turns[chosen] = np.where(inside, 1, -1)
@@ -86,7 +87,7 @@ def against_cells(name: str, where: str, sides: AllSides, media: Sequence[str]) 
     wrong = np.flatnonzero(~alone & (medium == medium[sides.other_s]))
     if len(wrong):
         raise InputError(
-            f"{name}: of the edges '{where}' the one at {_place(sides.corners_sex[wrong[0]].mean(axis=0))} has "
+            f"{name}: of the edges '{where}' the one at {shown_place(sides.corners_sex[wrong[0]].mean(axis=0))} has "
             f"{'medium' if medium[wrong[0]] else 'solid'} on both sides, so that pressure has no direction: name edges "
             "on the outside of the mesh, or between a solid and medium"
         )
@@ -94,5 +95,7 @@ def against_cells(name: str, where: str, sides: AllSides, media: Sequence[str]) 
     return chosen
 
 
-def _place(point: Float) -> str:
-    return f"({point[0]:.6g}, {point[1]:.6g})"
+def shown_place(point: Float) -> str:
+    """Coordinates in a message, without the rounding of zeros."""
+    x, y = np.round(point, 12) + 0.0
+    return f"({x:.6g}, {y:.6g})"

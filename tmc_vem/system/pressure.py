@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.support.errors import InputError
+from tmc_vem.system.enclosed import shown_place
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.sides import Sides
 from tmc_vem.system.turned import Turned
@@ -73,7 +74,7 @@ def end_terms(
         held = np.isin(dofs, fixed)
         if not held.any():
             raise InputError(
-                f"{name}: the edges '{where}' end at ({point[0]:.6g}, {point[1]:.6g}), where no support holds ux or uy "
+                f"{name}: the edges '{where}' end at {shown_place(point)}, where no support holds ux or uy "
                 "at 0: a pressure that follows has no potential there, and the solver needs one. Hold one of them "
                 "there, or close the edges to a cavity"
             )
