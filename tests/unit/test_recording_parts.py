@@ -101,7 +101,11 @@ def test_what_is_recorded_of_a_step() -> None:
     """Every value from where it belongs; fields and checkpoints are offered with number and coordinate."""
     said: list[Any] = []
     residual, u, position = object(), object(), object()
-    system = SimpleNamespace(reaction=lambda *given: said.append(("reaction", *given)) or -7.0)
+    push = {"push": {"force_x": 1.0, "amplitude": 0.5}}
+    system = SimpleNamespace(
+        reaction=lambda *given: said.append(("reaction", *given)) or -7.0,
+        measures=lambda *given: said.append(("measures", *given)) or push,
+    )
     newton: Any = NewtonResult(
         True, "", Evaluation(1.0, {"s": RegionValues(3.0, 0.5), "m": RegionValues(4.0, 0.25)}),
         (Iteration(1.0, 1.0, 1.0),) * 3, 2, residual,  # type: ignore[arg-type]
@@ -124,10 +128,10 @@ def test_what_is_recorded_of_a_step() -> None:
     assert made.history[0] == StepRecord(
         step=5, load=0.5, displacement=-0.25, probes={"gap": 0.125}, reaction=-7.0, iterations=3, cut_backs=1,
         wasted_iterations=9, min_j={"s": 0.5, "m": 0.25}, energy={"s": 3.0, "m": 4.0}, negative_pivots=2, jumped=True,
-        seconds=11.5, time=0.75, parameters={"gamma": 1e-3}, load_force=16.0,
+        seconds=11.5, time=0.75, parameters={"gamma": 1e-3}, load_force=16.0, forces=push,
     )  # fmt: skip
     assert made._plain_history[1]["step"] == 6
-    one = [("read", u, residual, (u, 1, 2)), ("reaction", residual, "top", 1)]
+    one = [("read", u, residual, (u, 1, 2)), ("reaction", residual, "top", 1), ("measures", u, control)]
     assert said == [
         *one, ("offer", 5, 0.75, u), "stepped", *one, ("offer", 6, 0.75, u), ("checkpoint", states, position),
         "stepped",

@@ -33,7 +33,8 @@ from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
 from tmc_vem.system.reduction import Shares, at_named_points, in_order, reaction, resultant, step_limit
-from tmc_vem.system.unloaded import Unloaded
+from tmc_vem.system.sides import Sides
+from tmc_vem.system.unloaded import Unloaded, require_regions
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -188,6 +189,17 @@ class FemSystem(Unloaded):
     def owned_nodes(self, where: str) -> Int:
         """Nodes at a named point or edge set that this rank owns, as positions in its part of a vector."""
         return self.nodes.named(where)
+
+    def sides(self, where: str) -> Sides:
+        """Sides of this rank's cells along named edges."""
+        return self.nodes.sides_along(where)
+
+    def area_weights(self, regions: Sequence[str]) -> Float:
+        """(n_owned_nodes,) integrals of the basis functions over regions."""
+        require_regions(regions, self.region_names)
+        inside_c = np.isin(np.array(self.region_names)[self.mesh.region_c[: self.mesh.n_owned]], regions)
+        loads = self.points.nodal_loads(inside_c[:, None, None] * np.ones_like(self.points.X_cqx))
+        return self.nodes.sum_over_cells(loads)[:, 0]
 
     # -- beyond the solver ---------------------------------------------------------------------------------------
 

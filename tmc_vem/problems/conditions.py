@@ -22,7 +22,8 @@ from tmc_vem.system.constraints import (
     is_called,
 )
 from tmc_vem.system.control import Control
-from tmc_vem.system.forces import Force
+from tmc_vem.system.forces import BodyForce, CavityPressure, FollowerPressure, Force, PointForce, Spring, Traction
+from tmc_vem.system.unloaded import require_regions
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -46,13 +47,16 @@ def vertices_at(mesh: PolygonMesh, where: str) -> Int:
     return found
 
 
-def held_components(mesh: PolygonMesh, prescribed: Sequence[Condition]) -> Bool:
-    """(n_vertices, 2) which components are prescribed at which vertices."""
+def held_components(mesh: PolygonMesh, prescribed: Sequence[Condition], forces: Sequence[Force] = ()) -> Bool:
+    """(n_vertices, 2) which components are prescribed, or held by springs, at which vertices."""
     held = np.zeros((mesh.n_vertices, 2), dtype=np.bool_)
     for condition in prescribed:
         for x, y in condition.axes:
             if 0.0 in (x, y):
                 held[vertices_at(mesh, condition.where), int(x == 0.0)] = True
+    for force in forces:
+        if isinstance(force, Spring):
+            held[vertices_at(mesh, force.where)] |= np.array(force.stiffness) > 0.0
     return held
 
 
@@ -110,7 +114,7 @@ def check_conditions(
                     f"'{one.where}' has two loads that prescribe {both[0]}, {_named(other)} and {_named(one)}: leave "
                     "out one of them, or give one load the history of both"
                 )
-    if forces or any(each.value for each in prescribed):
+    if any(map(acts, forces)) or any(each.value for each in prescribed):
         return
     if isinstance(load, Prescribed):
         raise InputError(
@@ -118,6 +122,38 @@ def check_conditions(
             "0; give the load the displacement that is reached at full load"
         )
     raise InputError("nothing moves: all loads and supports are 0")
+
+
+def acts(force: Force) -> bool:
+    """Whether a force is not 0, and no spring."""
+    if isinstance(force, Spring):
+        return False
+    if isinstance(force, CavityPressure | FollowerPressure):
+        return force.pressure != 0.0
+    return any(force.traction if isinstance(force, Traction) else force.force)
+
+
+def check_forces(mesh: PolygonMesh, forces: Sequence[Force]) -> None:
+    """Check that what forces act on is there.
+
+    Raises:
+        InputError: it is not, or two forces have one name.
+    """
+    names = [force.name for force in forces]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f"two forces are called '{twice[0]}': give each a name of its own")
+    for force in forces:
+        try:
+            if isinstance(force, BodyForce):
+                require_regions(force.regions, mesh.region_names)
+            elif isinstance(force, PointForce | Spring):
+                vertices_at(mesh, force.where)
+            elif force.where not in mesh.named_edges:
+                known = ", ".join(mesh.named_edges) or "none"
+                raise InputError(f"the mesh has no edges named '{force.where}' (there are: {known})")
+        except InputError as error:
+            raise InputError(f"{force.name}: {error}") from None
 
 
 def check_shared(
@@ -187,13 +223,19 @@ def require_cells(mesh: PolygonMesh) -> None:
         )
 
 
-def require_held(mesh: PolygonMesh, regions: Mapping[str, RegionEnergy], prescribed: Sequence[Condition]) -> None:
-    """Check that supports and loads remove all rigid motions of each connected part, and of each solid in the medium.
+def require_held(
+    mesh: PolygonMesh,
+    regions: Mapping[str, RegionEnergy],
+    prescribed: Sequence[Condition],
+    forces: Sequence[Force] = (),
+) -> None:
+    """Check that supports, springs and loads remove all rigid motions of each connected part, and of each solid in the
+    medium.
 
     Raises:
         InputError: they do not, and the region does not say that the medium is meant to hold it.
     """
-    held_vi, across = held_components(mesh, prescribed), held_across(mesh, prescribed)
+    held_vi, across = held_components(mesh, prescribed, forces), held_across(mesh, prescribed)
     every = np.ones(mesh.n_cells, dtype=np.bool_)
     for part in free_parts(mesh, every, held_vi, *across):
         raise InputError(

@@ -8,7 +8,7 @@ import numpy as np
 
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, media_of
-from tmc_vem.problems.conditions import check_conditions, check_shared, require_cells, require_held
+from tmc_vem.problems.conditions import check_conditions, check_forces, check_shared, require_cells, require_held
 from tmc_vem.problems.directions import on_mesh
 from tmc_vem.problems.hints import cause_at, hints, likely
 from tmc_vem.problems.probes import Gap, Place, Probe
@@ -45,9 +45,10 @@ def examine(problem: Problem, mesh: PolygonMesh, loads: Sequence[float] = (1.0,)
         raise InputError(f"region '{missing[0]}' has no energy (given: {', '.join(regions)})")
     require_cells(mesh)
     check_conditions(problem.prescribed(), load, forces)
+    check_forces(mesh, forces)
     check_shared(mesh, prescribed, load, loads)
     check_gaps(mesh, problem.probes())
-    require_held(mesh, regions, prescribed)
+    require_held(mesh, regions, prescribed, forces)
     return [
         *of_moduli(regions),
         *of_displacements(mesh, prescribed, loads),

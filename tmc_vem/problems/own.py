@@ -20,7 +20,7 @@ from tmc_vem.mesh.make.shapes import combine
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.base import RegionEnergy, medium_region, solid_region
-from tmc_vem.problems.columns import check_columns
+from tmc_vem.problems.columns import check_names
 from tmc_vem.problems.conditions import check_conditions
 from tmc_vem.problems.description import EdgesTable, MediumTable, ProblemTable
 from tmc_vem.problems.load_tables import Load
@@ -62,7 +62,7 @@ class OwnProblem:
         _ = self._regions
         check_probes(self.probes(), self.prescribed(), tuple(self.table.regions))
         check_conditions(self.prescribed(), self.load(), self.forces())
-        check_columns(self)
+        check_names(self)
         if self.table.shapes:
             _ = self._outlines
 

@@ -64,6 +64,27 @@ class Wrapped:
 
 
 @dataclass(frozen=True)
+class Loaded(Wrapped):
+    """A problem with more forces and springs, ``Loaded(Box(), [PointForce("push", "tip", (0.0, -1.0))])``.
+
+    Attributes:
+        more: forces and springs.
+    """
+
+    more: Sequence[Force]
+
+    def forces(self) -> Sequence[Force]:
+        """Forces of the problem, and more."""
+        return (*super().forces(), *self.more)
+
+    def inputs(self) -> dict[str, Any]:
+        """Inputs of the problem, and the forces; an amplitude as it prints itself."""
+        plain = [{"force": type(each).__name__, **vars(each), "amplitude": repr(each.amplitude)} for each in self.more]
+        inputs = self.problem.inputs()
+        return {**inputs, "forces": [*inputs.get("forces", []), *plain]}
+
+
+@dataclass(frozen=True)
 class Probed(Wrapped):
     """A problem with more probes, ``Probed(Box(), {"side": Displacement("ux", (0.0, 0.25))})``.
 

@@ -35,8 +35,8 @@ def draw_problem(
 ) -> Any:
     """Figure of a problem, whose regions ``media`` are third medium.
 
-    Supports are squares, or triangles where one component is free, loads arrows, springs hollow squares, gaps lines, and
-    other points that are measured dots.
+    Supports are squares, or triangles where one component is free; loads are arrows, springs hollow squares, gaps
+    lines, and other points that are measured dots.
     """
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch

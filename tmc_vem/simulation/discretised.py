@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Problem, RegionEnergy, media_of
+from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, media_of
 from tmc_vem.problems.directions import on_mesh as resolved
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.support.distributed import Comm
@@ -17,7 +17,8 @@ from tmc_vem.support.memory import reuse_freed
 from tmc_vem.support.parallel import from_root, on_every_rank
 from tmc_vem.system.constraints import Condition
 from tmc_vem.system.discretisation import Discretisation
-from tmc_vem.system.turned import with_axes
+from tmc_vem.system.inclined import with_axes
+from tmc_vem.system.loaded import with_forces
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 if TYPE_CHECKING:
@@ -43,7 +44,8 @@ def discretise(
         CodegenError: an energy's kernel cannot be made.
     """
 
-    return with_axes(_along_x_and_y(problem, options, comm, on_mesh))
+    system = with_axes(_along_x_and_y(problem, options, comm, on_mesh))
+    return with_forces(system, forces_of(problem), media_of(problem))
 
 
 @dataclass
@@ -79,7 +81,7 @@ class _Whole:
 def _along_x_and_y(
     problem: Problem, options: RunOptions, comm: Comm, on_mesh: Callable[[PolygonMesh], object] | None
 ) -> Discretisation:
-    """The system of a problem whose vectors are along x and y."""
+    """The system of a problem without its forces, whose vectors are along x and y."""
     if options.method == "fem":
         from tmc_vem.fem.system import FemSystem
 

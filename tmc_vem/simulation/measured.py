@@ -14,16 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem, forces_of
-from tmc_vem.problems.columns import column, named_loads, pair_of
+from tmc_vem.problems.columns import named_loads, pair_of, quantities_of
 from tmc_vem.problems.load_tables import Load
 from tmc_vem.support.distributed import Vec
-from tmc_vem.system.constraints import Condition, Prescribed, PrescribedAcross, PrescribedRotation
+from tmc_vem.system.constraints import Prescribed, PrescribedAcross, PrescribedRotation
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.forces import CavityPressure, FollowerPressure, Force, Spring
 from tmc_vem.system.histories import History
 
 Float = NDArray[np.float64]
+Values = Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -32,15 +33,14 @@ class Reading:
 
     Attributes:
         displacement, reaction: of the load that is reported first.
-        columns: of all loads and springs that have names.
-        held: forces that prescribe displacements on this rank, and these displacements.
-        work: what loads, moving supports and springs have done on the body so far; None where neither histories nor
-            forces ask for it.
+        loads: what is reported of loads and springs that have names, by these.
+        held: forces (n,) that prescribe displacements on this rank, and these displacements.
+        work: of all prescribed displacements so far; None where nothing asks for it.
     """
 
     displacement: float
     reaction: float
-    columns: Mapping[str, float]
+    loads: Mapping[str, Values]
     held: tuple[Float, Float]
     work: float | None
 
@@ -56,10 +56,10 @@ class LoadGauge:
     def __init__(self, problem: Problem, system: Discretisation) -> None:
         self._system = system
         self._main, self._named = problem.load(), named_loads(problem)
-        self._across = {
-            (each.where, each.direction): each for each in system.conditions if isinstance(each, PrescribedAcross)
-        }
-        self.sums_work = bool(self._named) or any(isinstance(each.amplitude, History) for each in problem.prescribed())
+        across = [each for each in system.conditions if isinstance(each, PrescribedAcross)]
+        self._axis = {(each.where, each.direction): np.asarray(each.axes[0]) for each in across}
+        histories = [each for each in problem.prescribed() if isinstance(each.amplitude, History)]
+        self._sums_work = bool(self._named or histories)
         self._magnitude = {force.name: self._at_amplitude_1(force) for force in forces_of(problem) if _is_dead(force)}
 
     def read(self, u: Vec, residual: Vec, position: Control, before: Reading | None) -> Reading:
@@ -72,75 +72,59 @@ class LoadGauge:
             before: what was read at the last state; None at the beginning.
         """
         measures = self._system.measures(u, position)
-        columns: dict[str, float] = {}
-        force_work = 0.0
+        loads: dict[str, Values] = {}
         for load in self._named:
-            if isinstance(load, Spring):
-                of_spring = {name: measures[load.name][name] for name in ("force_x", "force_y", "energy")}
-                columns |= {column(load, name): value for name, value in of_spring.items()}
-                stored = before.columns[column(load, "energy")] if before else 0.0
-                force_work -= of_spring["energy"] - stored
-                continue
-            moved_by, force = self._pair(load, u, residual, position, measures)
-            names = [column(load, name) for name in (*pair_of(load), "work")]
-            start = (self._start(load, measures), 0.0, 0.0)
-            was_at, was_force, work = (before.columns[name] for name in names) if before else start
-            step = 0.5 * (force + was_force) * (moved_by - was_at)
-            step = math.radians(step) if isinstance(load, PrescribedRotation) else step
-            columns |= dict(zip(names, (moved_by, force, work + step), strict=True))
-            force_work += 0.0 if isinstance(load, Condition) else step
-        held = residual.getArray(readonly=True)[self._system.constrained()], self._system.prescribed(position)
-        was_held = before.held if before else (np.zeros_like(held[0]), np.zeros_like(held[1]))
-        step = 0.5 * float((held[0] + was_held[0]) @ (held[1] - was_held[1]))
-        total = None
-        if self.sums_work:
-            total = (before.work or 0.0 if before else 0.0) + force_work + float(self._system.comm.allreduce(step))
-        main = self._first(columns, u, residual, position)
-        return Reading(*main, columns, held, total)
+            values = dict(measures.get(load.name, {}))
+            if not isinstance(load, Spring):
+                values |= dict(zip(pair_of(load), self._pair(load, u, residual, position, values), strict=True))
+                values["work"] = _work(load, values, before.loads[load.name] if before else None)
+            loads[load.name] = {quantity: values[quantity] for quantity in quantities_of(load)}
+        held = self._held(residual, position)
+        main = (
+            tuple(loads[self._main.name][quantity] for quantity in pair_of(self._main))
+            if self._main.name
+            else self._pair(self._main, u, residual, position, {})
+        )
+        return Reading(main[0], main[1], loads, held, self._work_of(held, before) if self._sums_work else None)
 
-    def again(
-        self, u: Vec, residual: Vec, position: Control, columns: Mapping[str, float], work: float | None
-    ) -> Reading:
+    def again(self, residual: Vec, position: Control, loads: Mapping[str, Values], work: float | None) -> Reading:
         """What was read at a state that a run goes on from.
 
         Args:
-            u, residual, position: the state.
-            columns, work: as they were recorded.
+            residual, position: there.
+            loads, work: as they were recorded.
         """
-        held = residual.getArray(readonly=True)[self._system.constrained()], self._system.prescribed(position)
-        return Reading(math.nan, math.nan, columns, held, work)
+        return Reading(math.nan, math.nan, loads, self._held(residual, position), work)
 
-    def _first(self, columns: Mapping[str, float], u: Vec, residual: Vec, position: Control) -> tuple[float, float]:
-        """Displacement and reaction of the load that is reported first."""
-        load = self._main
-        if load.name:
-            moved, force = (columns[column(load, name)] for name in pair_of(load))
-            return moved, force
-        return self._pair(load, u, residual, position, {})
+    # -- parts -----------------------------------------------------------------------------------------------------
+
+    def _held(self, residual: Vec, position: Control) -> tuple[Float, Float]:
+        return residual.getArray(readonly=True)[self._system.constrained()], self._system.prescribed(position)
+
+    def _work_of(self, held: tuple[Float, Float], before: Reading | None) -> float:
+        """Work of all prescribed displacements so far."""
+        was = before.held if before else (np.zeros_like(held[0]), np.zeros_like(held[1]))
+        step = 0.5 * float((held[0] + was[0]) @ (held[1] - was[1]))
+        done = before.work if before and before.work is not None else 0.0
+        return done + float(self._system.comm.allreduce(step))
 
     def _pair(
-        self, load: Load, u: Vec, residual: Vec, position: Control, measures: Mapping[str, Mapping[str, float]]
+        self, load: Load, u: Vec, residual: Vec, position: Control, measured: Mapping[str, float]
     ) -> tuple[float, float]:
         """How far a load has gone, and its force."""
         if isinstance(load, Prescribed):
             return load.at(position), self._system.reaction(residual, load.where, load.component)
         if isinstance(load, PrescribedAcross):
-            (axis,) = self._across[load.where, load.direction].axes
             force = self._system.resultant(u, residual, load.where, (0.0, 0.0))[:2]
-            return load.at(position), float(force @ np.asarray(axis))
+            return load.at(position), float(force @ self._axis[load.where, load.direction])
         if isinstance(load, PrescribedRotation):
             return load.at(position), float(self._system.resultant(u, residual, load.where, load.about)[2])
-        measured = measures[load.name]
         if isinstance(load, CavityPressure):
             return measured["area"], measured["pressure"]
         if isinstance(load, FollowerPressure):
             return measured["potential"] / load.pressure, measured["pressure"]
         magnitude = self._magnitude[load.name]
         return measured["potential"] / magnitude, measured["amplitude"] * magnitude
-
-    def _start(self, load: Load, measures: Mapping[str, Mapping[str, float]]) -> float:
-        """How far a load has gone at the beginning: the area of a cavity is there from the start."""
-        return measures[load.name]["area_at_start"] if isinstance(load, CavityPressure) else 0.0
 
     def _at_amplitude_1(self, force: Force) -> float:
         """Magnitude of a dead force's resultant where its amplitude is 1."""
@@ -152,4 +136,13 @@ class LoadGauge:
 
 
 def _is_dead(force: Force) -> bool:
-    return "pressure" not in pair_of(force) and not isinstance(force, Spring)
+    return not isinstance(force, CavityPressure | FollowerPressure | Spring)
+
+
+def _work(load: Load, now: Values, before: Values | None) -> float:
+    """Work of a load so far, of its pair now and at the last state; None is the beginning."""
+    moved, force = pair_of(load)
+    if before is None:
+        before = {moved: now["area_at_start"] if isinstance(load, CavityPressure) else 0.0, force: 0.0, "work": 0.0}
+    step = 0.5 * (now[force] + before[force]) * (now[moved] - before[moved])
+    return before["work"] + (math.radians(step) if isinstance(load, PrescribedRotation) else step)

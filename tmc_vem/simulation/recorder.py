@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem, media_of
-from tmc_vem.problems.columns import columns_of, pair_of, quantities_of
+from tmc_vem.problems.columns import KINDS, named_loads, pair_of, quantities_of
 from tmc_vem.results.contact.contact import check_contact
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.energy_balance import energy_balance
 from tmc_vem.results.output import SnapshotWriter, gather_fields
 from tmc_vem.results.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of
-from tmc_vem.results.records import PICTURE, StepRecord
+from tmc_vem.results.records import OF, PICTURE, StepRecord
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import how_to_go_on
 from tmc_vem.simulation.balance import balance
@@ -102,7 +102,7 @@ class Recorder:
                 step=step.number,
                 load=step.load,
                 displacement=reading.displacement,
-                probes={**self.gauge.read(u, residual, functools.partial(self.watch.behind, u)), **reading.columns},
+                probes=self.gauge.read(u, residual, functools.partial(self.watch.behind, u)),
                 reaction=reading.reaction,
                 iterations=len(step.newton.iterations),
                 cut_backs=step.cut_backs,
@@ -116,6 +116,7 @@ class Recorder:
                 parameters=step.control.parameters,
                 load_force=self._load_force(residual, step.control),
                 load_work=reading.work,
+                forces=reading.loads,
             )
             self._add_to_history(record)
         if self._snapshots is not None:
@@ -176,11 +177,12 @@ class Recorder:
         """The loads at the last state, from which work is summed on."""
         last = self.history[-1]
         control = Control(last.load, last.parameters)
+        self.system.set_position(control)
         if control.parameters:
             self.system.set_parameters(control.parameters)
         residual = self.system.create_vector()
         self.system.residual(u, residual)
-        return self.loads.again(u, residual, control, last.probes, last.load_work)
+        return self.loads.again(residual, control, last.forces, last.load_work)
 
     def begin(self, *, locked: bool) -> None:
         """Say in the run directory what the run is; called on all ranks.
@@ -219,7 +221,8 @@ class Recorder:
         with self.timer("check"):
             residual = self.system.create_vector()
             evaluation = self.system.residual(u, residual)
-            checks: dict[str, Any] = {"imbalance": self._imbalance(u, residual), **self._second_gradient(u, evaluation)}
+            imbalance = self._imbalance(residual, self.history[-1].forces if self.history else {})
+            checks: dict[str, Any] = {"imbalance": imbalance, **self._second_gradient(u, evaluation)}
             checks |= {**self._between_the_points(u), **self._inverted}
             balance_of_energy = energy_balance(self.history)
             if balance_of_energy:
@@ -304,13 +307,11 @@ class Recorder:
         values = residual.getArray(readonly=True)[self.system.constrained()]
         return float(self.system.comm.allreduce(float(values @ self.system.prescribed_per_load(position))))
 
-    def _imbalance(self, u: Vec, residual: Vec) -> float:
-        """Resultant of all reactions and forces, relative to the largest of them: 0 in equilibrium."""
-        parts = self.system.comm.allgather(self.system.held_forces(residual))
-        reaction_ni = np.concatenate(parts)
-        last = Control(self.history[-1].load) if self.history else Control(0.0)
-        measures = self.system.measures(u, last).values()
-        acting = np.array([(each["force_x"], each["force_y"]) for each in measures]).reshape(-1, 2)
+    def _imbalance(self, residual: Vec, loads: Mapping[str, Mapping[str, float]]) -> float:
+        """Resultant of all reactions, forces and springs, relative to the largest of them: 0 in equilibrium."""
+        reaction_ni = np.concatenate(self.system.comm.allgather(self.system.held_forces(residual)))
+        acting = np.array([(each["force_x"], each["force_y"]) for each in loads.values() if "force_x" in each])
+        acting = acting.reshape(-1, 2)
         largest = max(float(np.abs(forces).max(initial=0.0)) for forces in (reaction_ni, acting))
         resultant = np.hypot(*(reaction_ni.sum(axis=0) + acting.sum(axis=0)))
         return float(resultant) / largest if largest else 0.0
@@ -354,12 +355,18 @@ class Recorder:
 
     def _units(self, record: StepRecord | None = None) -> dict[str, str]:
         """Units of the columns of the history; without a record, of those that every step will have."""
-        kinds = {name: probe.kind for name, probe in self.gauge.probes.items()} | columns_of(self.problem)
-        moved, force = (quantities_of(self.problem.load())[name] for name in pair_of(self.problem.load()))
-        first = {"displacement": moved, "reaction": force}
+        kinds = {name: probe.kind for name, probe in self.gauge.probes.items()}
+        named = named_loads(self.problem)
+        by_name = {load.name + OF + quantity: KINDS[quantity] for load in named for quantity in quantities_of(load)}
+        first = dict(zip(("displacement", "reaction"), pair_of(self.problem.load()), strict=True))
+        kinds |= by_name | {name: KINDS[quantity] for name, quantity in first.items()}
         by_region = [f"{group}{name}" for group in ("min_j_", "energy_") for name in self.problem.regions()]
-        columns = ["displacement", *kinds, "reaction", *by_region] if record is None else record.as_row()
-        return self.problem.units().of_columns(columns, kinds | first)
+        columns = (
+            ["displacement", *self.gauge.probes, "reaction", *by_region, *by_name]
+            if record is None
+            else record.as_row()
+        )
+        return self.problem.units().of_columns(columns, kinds)
 
     def _headings(self, record: StepRecord) -> dict[str, str]:
         """Units that stand in the headings of history.csv: those that the problem declares."""

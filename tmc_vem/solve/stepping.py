@@ -374,8 +374,9 @@ class LoadStepper:
         return replace(position, size=size, far_at=0.0, stiffer=(*position.stiffer, (position.time, unused[0])))
 
     def _control(self, time: float) -> Control:
-        """Give the system the parameters of a time; the point of the path there."""
+        """Give the system the parameters and forces of a time; the point of the path there."""
         control = self.path.at(time)
+        self.solver.system.set_position(control)
         parameters = {**self.soften, **control.parameters}
         if parameters:
             self.solver.system.set_parameters(parameters)

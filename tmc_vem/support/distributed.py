@@ -104,6 +104,12 @@ class Vec(Protocol):
     def normalize(self) -> float:
         """Divide by the norm, which is returned."""
 
+    def setValues(self, indices: NDArray[Any], values: NDArray[Any], addv: object = None) -> None:
+        """Entries by numbers over all ranks, which :meth:`assemble` brings to where they belong."""
+
+    def assemble(self) -> None:
+        """Bring to other ranks what belongs there."""
+
     def destroy(self) -> object:
         """Free it."""
 

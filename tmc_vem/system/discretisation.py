@@ -6,7 +6,7 @@ A check by mypy and ``tests/unit/test_discretisation.py`` hold both to it, and w
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +17,8 @@ from tmc_vem.system.constraints import Condition, Pair
 from tmc_vem.system.control import Control
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.places import PointSource
+from tmc_vem.system.sides import Sides
+from tmc_vem.system.turned import Turned
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -35,14 +37,18 @@ class Evaluation:
     """Result of evaluating the potential at a state; equal on all ranks.
 
     Attributes:
-        energy: potential energy of all regions.
+        energy: potential: the energy of all regions and springs less the work of forces.
         regions: values by region name.
         worst: the smallest J and where it is, in words, for messages.
+        springs: energies of springs by name.
+        forces: what forces and springs contribute to the residual's norm, the larger of both.
     """
 
     energy: float
     regions: Mapping[str, RegionValues]
     worst: str = ""
+    springs: Mapping[str, float] = field(default_factory=dict)
+    forces: float = 0.0
 
     @property
     def min_j(self) -> float:
@@ -80,7 +86,7 @@ class NonlinearSystem(Protocol):
 
     Vectors and matrices are distributed over the ranks of ``comm``. ``residual`` is the full gradient of the potential,
     so its entries at constrained degrees of freedom are the reactions. Where a displacement across an inclined edge is
-    prescribed, the entries of vectors are across and along it (:mod:`tmc_vem.system.turned`).
+    prescribed, the entries of vectors are across and along it (:mod:`tmc_vem.system.inclined`).
 
     Attributes:
         comm: the ranks.
@@ -182,11 +188,25 @@ class Discretisation(NonlinearSystem, PointSource, Protocol):
 
     # -- what forces act on
 
+    def sides(self, where: str) -> Sides:
+        """Sides of this rank's cells along named edges; none if the mesh has no edges of that name."""
+
     def owned_nodes(self, where: str) -> Int:
         """Nodes (n,) at a named point or edge set that this rank owns, as positions in its part of a vector.
 
         Raises:
             InputError: the mesh has nothing of that name.
+        """
+
+    def turned(self) -> Turned:
+        """Nodes whose degrees of freedom are displacements along axes of their own."""
+
+    def area_weights(self, regions: Sequence[str]) -> Float:
+        """(n_owned_nodes,) integrals over regions of what the displacement of each node of this rank's part of a vector
+        is multiplied with.
+
+        Raises:
+            InputError: the mesh has no region of a name.
         """
 
     # -- nodes

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.control import Control
+from tmc_vem.system.turned import Turned
 
 
 class Unloaded:
@@ -21,6 +22,10 @@ class Unloaded:
     def measures(self, u: Vec, position: Control) -> dict[str, dict[str, float]]:
         """Nothing: there are no forces."""
         return {}
+
+    def turned(self) -> Turned:
+        """None: the degrees of freedom of all nodes are displacements along x and y."""
+        return Turned()
 
 
 def require_regions(wanted: Iterable[str], known: Sequence[str]) -> None:

@@ -27,7 +27,8 @@ from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
 from tmc_vem.system.reduction import Shares, at_named_points, reaction, resultant, step_limit
-from tmc_vem.system.unloaded import Unloaded
+from tmc_vem.system.sides import Sides
+from tmc_vem.system.unloaded import Unloaded, require_regions
 from tmc_vem.vem.blocks import CHUNK, Block, RegionKernel, make_blocks
 from tmc_vem.vem.dense import smallest_jacobians
 from tmc_vem.vem.dofmap import DofMap
@@ -35,13 +36,13 @@ from tmc_vem.vem.facets.exchange import Halo
 from tmc_vem.vem.facets.penalty import InteriorPenalty, SideTerms
 from tmc_vem.vem.insertion import CellTerms, MatrixInsertion, Terms
 from tmc_vem.vem.kernel.cells import CellValues
+from tmc_vem.vem.loads import body_load, sides_along
 from tmc_vem.vem.near_null_space import rigid_motions
 from tmc_vem.vem.pattern import parallel_matrix, serial_matrix
 from tmc_vem.vem.point_weights import locate
 from tmc_vem.vem.polygons import polygons_through_nodes
 from tmc_vem.vem.spaces.element import element_groups
 from tmc_vem.vem.spaces.element_settings import ElementSettings
-from tmc_vem.vem.spaces.tabulated import points_and_values
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -239,6 +240,17 @@ class VemSystem(Unloaded):
         nodes = self.dofmap.owned_node_n[self._named_nodes(where)]
         return nodes[nodes >= 0]
 
+    def sides(self, where: str) -> Sides:
+        """Sides of this rank's cells along named edges."""
+        return sides_along(self.distributed, self.dofmap, where)
+
+    def area_weights(self, regions: Sequence[str]) -> Float:
+        """(n_owned_nodes,) integrals of the basis functions over regions: of moments, those of the projections."""
+        require_regions(regions, self.regions)
+        vector = self.create_vector()
+        self._add(body_load(self.distributed, self.dofmap, self.blocks, regions, np.ones_like).ravel(), vector)
+        return DISPLACEMENT.nodal(vector.getArray(readonly=True))[:, 0].copy()
+
     # -- beyond the solver ------------------------------------------------------------------------------------
 
     def set_body_force(self, force: Callable[[Float], Float]) -> None:
@@ -246,17 +258,7 @@ class VemSystem(Unloaded):
 
         Its work is ``int f . Pi0_k u``, which keeps the displacement's order k + 1.
         """
-        load = np.zeros((self.dofmap.n_nodes, 2))
-        mesh = self.distributed.mesh
-        for block in self.blocks:
-            for chosen in block.chunks():
-                points_cqx, values_cqa = points_and_values(
-                    block.polygons(mesh, chosen), self.settings.order, block.scaled_points(chosen)
-                )
-                f_cqi = force(points_cqx.reshape(-1, 2)).reshape(points_cqx.shape)
-                work_cai = np.swapaxes(values_cqa, 1, 2) @ (block.weights(chosen)[..., None] * f_cqi)
-                np.add.at(load, block.batch.nodes_ca[chosen], work_cai)
-        self._load_nodes = load
+        self._load_nodes = body_load(self.distributed, self.dofmap, self.blocks, self.regions, force)
 
     @property
     def n_cells_global(self) -> int:
