@@ -79,7 +79,7 @@ class Loaded(Wrapped):
 
     def inputs(self) -> dict[str, Any]:
         """Inputs of the problem, and the forces; an amplitude as it prints itself."""
-        plain = [{"force": type(each).__name__, **vars(each), "amplitude": repr(each.amplitude)} for each in self.more]
+        plain = [{"kind": type(each).__name__, **vars(each), "amplitude": repr(each.amplitude)} for each in self.more]
         inputs = self.problem.inputs()
         return {**inputs, "forces": [*inputs.get("forces", []), *plain]}
 

@@ -92,11 +92,13 @@ def _work(before: Mapping[str, float], now: Mapping[str, float]) -> tuple[float,
     """Work of a force in a step, or what a change of a spring's stiffness brings in; and how far it depends on the way.
 
     Args:
-        before, now: the force's measures; nothing before the first step, when all is in the reference state.
+        before, now: the force's measures; nothing before the first step, when all is in the reference state. What acts
+            there already is taken as brought up in the first step, springs as there before.
     """
-    first, last = (before.get("amplitude", 0.0), now["amplitude"])
+    is_spring = "energy" in now
+    first, last = before.get("amplitude", now["amplitude"] if is_spring else 0.0), now["amplitude"]
     start, end = before.get("potential", 0.0), now["potential"]
     doubt = 0.5 * abs((last - first) * (end - start))
-    if "energy" in now:
+    if is_spring:
         return -0.5 * (start + end) * (last - first), doubt
     return 0.5 * (first + last) * (end - start), doubt
