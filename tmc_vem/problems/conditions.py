@@ -111,8 +111,8 @@ def check_conditions(
             both = [what for what in _held_by(one) if what in _held_by(other)]
             if other.where == one.where and both:
                 raise InputError(
-                    f"'{one.where}' has two loads that prescribe {both[0]}, {_named(other)} and {_named(one)}: leave "
-                    "out one of them, or give one load the history of both"
+                    f"load {_named(one)} prescribes {both[0]} at '{one.where}', as load {_named(other)} does: leave "
+                    "out one of them, or give one the history of both"
                 )
     if any(map(acts, forces)) or any(each.value for each in prescribed):
         return

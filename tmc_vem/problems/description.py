@@ -373,9 +373,9 @@ class ProblemTable:
 
     name: str
     regions: Mapping[str, RegionTable]
-    support: tuple[ConditionTable, ...]
     load: LoadTable | tuple[LoadTable, ...] | ConditionTable
     mesh: MeshTable
+    support: tuple[ConditionTable, ...] = ()
     shapes: Mapping[str, ShapeTable] = field(default_factory=dict)
     points: Mapping[str, XY] = field(default_factory=dict)
     edges: Mapping[str, EdgesTable] = field(default_factory=dict)
