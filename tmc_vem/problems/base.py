@@ -17,6 +17,7 @@ from tmc_vem.support.units import Units
 from tmc_vem.support.validation import require_choice
 from tmc_vem.system.constraints import Condition
 from tmc_vem.system.forces import Force
+from tmc_vem.system.stage import Stage
 
 HOLDS = ("medium",)
 
@@ -94,7 +95,8 @@ def medium_region(medium: Medium, mu: float, h: float | None = None) -> RegionEn
 class Problem(Protocol):
     """A boundary value problem: everything but the discretisation and the solver.
 
-    One with forces or springs has a method ``forces() -> Sequence[Force]`` besides, see :func:`forces_of`.
+    One whose supports change over the run has a method ``stages() -> Sequence[Stage]``, see :func:`stages_of`. One with
+    forces or springs has a method ``forces() -> Sequence[Force]`` besides, see :func:`forces_of`.
     """
 
     @property
@@ -131,6 +133,12 @@ class Problem(Protocol):
 def media_of(problem: Problem) -> list[str]:
     """Names of the regions that are third medium."""
     return [name for name, region in problem.regions().items() if region.is_medium]
+
+
+def stages_of(problem: Problem) -> tuple[Stage, ...]:
+    """Stages of a problem that has a method ``stages()``; none of one that says nothing of any."""
+    method = getattr(problem, "stages", None)
+    return () if method is None else tuple(method())
 
 
 def forces_of(problem: Problem) -> tuple[Force, ...]:

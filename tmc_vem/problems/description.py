@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,6 +28,7 @@ from tmc_vem.system.constraints import (
     Prescribed,
     PrescribedAcross,
 )
+from tmc_vem.system.stage import Stage, check_stages
 
 XY = tuple[float, float]
 CELLS = ("voronoi", "triangles", "quadrilaterals")
@@ -260,6 +261,7 @@ class ConditionTable:
         ux, uy: components; one that is left out is free.
         normal, tangential: displacement across a straight edge of any direction, or along it; 0 of the first is a
             roller on an incline.
+        stage: names of the stages of the run in which it holds; all by default.
     """
 
     at: str
@@ -267,6 +269,7 @@ class ConditionTable:
     uy: float | None = None
     normal: float | None = None
     tangential: float | None = None
+    stage: str | tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         given = [name for name in (*COMPONENTS, *ACROSS) if getattr(self, name) is not None]
@@ -281,6 +284,20 @@ class ConditionTable:
                     "the edge"
                 )
 
+        for name in given if self.stage is not None else ():
+            if name in ACROSS or getattr(self, name):
+                raise InputError(
+                    f"{name} = {getattr(self, name):g} does not go with stage: a support of some stages holds the "
+                    "displacement reached when it begins, ux = 0 or uy = 0"
+                )
+        if self.stage == ():
+            raise InputError("stage: there is none; leave it out for a support that holds always")
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """Names of the stages in which it holds; none for all."""
+        return (self.stage,) if isinstance(self.stage, str) else self.stage or ()
+
     def conditions(self, amplitude: Amplitude = PROPORTIONAL) -> list[Condition]:
         """What it prescribes.
 
@@ -289,7 +306,7 @@ class ConditionTable:
         """
         values = {name: getattr(self, name) for name in (*COMPONENTS, *ACROSS)}
         return [
-            Prescribed(self.at, COMPONENTS[name], value, amplitude)
+            Prescribed(self.at, COMPONENTS[name], value, amplitude, stages=self.stages)
             if name in COMPONENTS
             else PrescribedAcross(self.at, name, value, amplitude)
             for name, value in values.items()
@@ -368,6 +385,7 @@ class ProblemTable:
         probes: what else is measured at every load step, by name.
         units: of length and force; any consistent set by default.
         spring: what holds points or edges elastically.
+        stage: parts of the run in which other supports hold.
         solve: method and steps, as in :class:`tmc_vem.simulation.options.RunOptions`.
     """
 
@@ -383,10 +401,14 @@ class ProblemTable:
     probes: Mapping[str, ProbeTable] = field(default_factory=dict)
     units: Units = field(default_factory=Units)
     spring: tuple[SpringTable, ...] = ()
+    stage: tuple[Stage, ...] = ()
     solve: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._check_loads()
+        check_stages(self.stage)
+        for n, support in enumerate(self.support, start=1):
+            require_stages(support.stages, self.stage, n)
         if self.gap is not None and GAP in self.probes:
             raise InputError(f"probes: {GAP}: there is a gap at the top of the file already; leave out one of them")
         for name in self.probes:
@@ -446,3 +468,21 @@ class ProblemTable:
                     "of its own"
                 )
             known[name] = f"{kind}, entry {number},"
+
+
+def require_stages(wanted: Sequence[str], stages: Sequence[Stage], number: int) -> None:
+    """Check that the stages of a support are there.
+
+    Args:
+        wanted: their names.
+        stages: those of the run.
+        number: of the support, from 1.
+
+    Raises:
+        InputError: one is not.
+    """
+    for name in wanted:
+        try:
+            require_choice("stage", name, [stage.name for stage in stages] or ["none"])
+        except InputError as error:
+            raise InputError(f"support, entry {number}: {error}") from None

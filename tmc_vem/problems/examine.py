@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, media_of
+from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, media_of, stages_of
 from tmc_vem.problems.conditions import check_conditions, check_forces, check_shared, require_cells, require_held
 from tmc_vem.problems.directions import on_mesh
 from tmc_vem.problems.hints import cause_at, hints, likely
@@ -48,7 +48,12 @@ def examine(problem: Problem, mesh: PolygonMesh, loads: Sequence[float] = (1.0,)
     check_forces(mesh, forces)
     check_shared(mesh, prescribed, load, loads)
     check_gaps(mesh, problem.probes())
-    require_held(mesh, regions, prescribed, forces)
+    for stage in stages_of(problem) or (None,):
+        holding = [each for each in prescribed if not each.stages or (stage and stage.name in each.stages)]
+        try:
+            require_held(mesh, regions, holding, forces)
+        except InputError as error:
+            raise InputError(f"stage '{stage.name}': {error}" if stage else str(error)) from None
     return [
         *of_moduli(regions),
         *of_displacements(mesh, prescribed, loads),

@@ -32,6 +32,7 @@ from tmc_vem.support.units import Units
 from tmc_vem.system.constraints import PROPORTIONAL, Amplitude, Condition, is_called
 from tmc_vem.system.forces import Force
 from tmc_vem.system.histories import RAMP
+from tmc_vem.system.stage import Stage
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -136,6 +137,10 @@ class OwnProblem:
     def units(self) -> Units:
         """Those of the description."""
         return self.table.units
+
+    def stages(self) -> Sequence[Stage]:
+        """Parts of the run in which other supports hold."""
+        return self.table.stage
 
     def load(self) -> Load:
         """The first load."""

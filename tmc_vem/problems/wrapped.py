@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Problem, RegionEnergy, forces_of
+from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, stages_of
 from tmc_vem.problems.probes import Probe, as_plain
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
 from tmc_vem.system.constraints import Condition
 from tmc_vem.system.forces import Force
+from tmc_vem.system.stage import Stage
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,10 @@ class Wrapped:
     def forces(self) -> Sequence[Force]:
         """Forces and springs of the problem."""
         return forces_of(self.problem)
+
+    def stages(self) -> Sequence[Stage]:
+        """Stages of the problem."""
+        return stages_of(self.problem)
 
     def probes(self) -> Mapping[str, Probe]:
         """Probes of the problem."""

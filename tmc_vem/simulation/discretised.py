@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, media_of
+from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, media_of, stages_of
 from tmc_vem.problems.directions import on_mesh as resolved
 from tmc_vem.simulation.options import RunOptions
+from tmc_vem.simulation.plan import loads_of
 from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.memory import reuse_freed
@@ -19,6 +20,7 @@ from tmc_vem.system.constraints import Condition
 from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.inclined import with_axes
 from tmc_vem.system.loaded import with_forces
+from tmc_vem.system.stages import with_stages
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 if TYPE_CHECKING:
@@ -45,7 +47,9 @@ def discretise(
     """
 
     system = with_axes(_along_x_and_y(problem, options, comm, on_mesh))
-    return with_forces(system, forces_of(problem), media_of(problem))
+    system = with_forces(system, forces_of(problem), media_of(problem))
+    stages = stages_of(problem)
+    return with_stages(system, problem.prescribed(), stages, loads_of(problem, options)[-1]) if stages else system
 
 
 @dataclass
@@ -75,7 +79,8 @@ class _Whole:
         if self.on_mesh is not None:
             self.on_mesh(mesh)
         self._meshes.append(mesh)
-        return resolved(self.problem.prescribed(), mesh, media_of(self.problem))
+        always = [condition for condition in self.problem.prescribed() if not condition.stages]
+        return resolved(always, mesh, media_of(self.problem))
 
 
 def _along_x_and_y(

@@ -34,8 +34,8 @@ class Reading:
     Attributes:
         displacement, reaction: of the load that is reported first.
         loads: what is reported of loads and springs that have names, by these.
-        held: forces (n,) that prescribe displacements on this rank, and these displacements.
-        work: of all prescribed displacements so far; None where nothing asks for it.
+        held: forces (n,) that hold this rank's degrees of freedom, and their displacements.
+        work: of all that holds so far, supports that move and that have ended too; None where nothing asks for it.
     """
 
     displacement: float
@@ -59,7 +59,8 @@ class LoadGauge:
         across = [each for each in system.conditions if isinstance(each, PrescribedAcross)]
         self._axis = {(each.where, each.direction): np.asarray(each.axes[0]) for each in across}
         histories = [each for each in problem.prescribed() if isinstance(each.amplitude, History)]
-        self._sums_work = bool(self._named or histories)
+        staged = [each for each in problem.prescribed() if each.stages]
+        self._sums_work = bool(self._named or histories or staged)
         self._magnitude = {force.name: self._at_amplitude_1(force) for force in forces_of(problem) if _is_dead(force)}
 
     def read(self, u: Vec, residual: Vec, position: Control, before: Reading | None) -> Reading:
@@ -79,7 +80,7 @@ class LoadGauge:
                 values |= dict(zip(pair_of(load), self._pair(load, u, residual, position, values), strict=True))
                 values["work"] = _work(load, values, before.loads[load.name] if before else None)
             loads[load.name] = {quantity: values[quantity] for quantity in quantities_of(load)}
-        held = self._held(residual, position)
+        held = self._held(u, residual)
         main = (
             tuple(loads[self._main.name][quantity] for quantity in pair_of(self._main))
             if self._main.name
@@ -87,22 +88,22 @@ class LoadGauge:
         )
         return Reading(main[0], main[1], loads, held, self._work_of(held, before) if self._sums_work else None)
 
-    def again(self, residual: Vec, position: Control, loads: Mapping[str, Values], work: float | None) -> Reading:
+    def again(self, u: Vec, residual: Vec, loads: Mapping[str, Values], work: float | None) -> Reading:
         """What was read at a state that a run goes on from.
 
         Args:
-            residual, position: there.
+            u, residual: there.
             loads, work: as they were recorded.
         """
-        return Reading(math.nan, math.nan, loads, self._held(residual, position), work)
+        return Reading(math.nan, math.nan, loads, self._held(u, residual), work)
 
     # -- parts -----------------------------------------------------------------------------------------------------
 
-    def _held(self, residual: Vec, position: Control) -> tuple[Float, Float]:
-        return residual.getArray(readonly=True)[self._system.constrained()], self._system.prescribed(position)
+    def _held(self, u: Vec, residual: Vec) -> tuple[Float, Float]:
+        return self._system.holding_forces(residual), u.getArray(readonly=True).copy()
 
     def _work_of(self, held: tuple[Float, Float], before: Reading | None) -> float:
-        """Work of all prescribed displacements so far."""
+        """Work of all that holds so far."""
         was = before.held if before else (np.zeros_like(held[0]), np.zeros_like(held[1]))
         step = 0.5 * float((held[0] + was[0]) @ (held[1] - was[1]))
         done = before.work if before and before.work is not None else 0.0

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from tmc_vem.problems.base import Problem, forces_of
+from tmc_vem.problems.base import Problem, forces_of, stages_of
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.solve.path import ControlPath
 from tmc_vem.support.errors import InputError
@@ -30,9 +30,9 @@ def control_path(problem: Problem, options: RunOptions) -> ControlPath:
         InputError: a load is repeated or not usable, or the problem has no medium whose parameters could be continued;
             or the branch is to be followed and the loads have histories.
     """
-    kinks, loads = kinks_of(amplitudes_of(problem)), loads_of(problem, options)
+    kinks, loads = times_of(problem), loads_of(problem, options)
     if options.follow and kinks not in ((), (1.0,)):
-        raise InputError("follow does not go with a history: the load is not prescribed along the branch")
+        raise InputError("follow does not go with a history or a stage: the load is not prescribed along the branch")
     if not options.continuation or len(loads) < 2:
         return ControlPath([Control(load) for load in loads], options.output_loads, kinks)
     media = [region.values for region in problem.regions().values() if region.is_medium]
@@ -56,6 +56,14 @@ def loads_of(problem: Problem, options: RunOptions) -> tuple[float, ...]:
     """
     kinks = kinks_of(amplitudes_of(problem))
     path = (0.0, kinks[-1]) if kinks and options.path == RunOptions.path else options.path
+    stages = stages_of(problem)
+    if stages and path != (0.0, path[-1]):
+        raise InputError("path does not go with [[stage]]: stages follow each other in time, so leave the path out")
+    if stages and stages[-1].begins >= path[-1]:
+        raise InputError(
+            f"stage '{stages[-1].name}' begins at {stages[-1].begins:g}, but the run ends at {path[-1]:g}: give a load "
+            "a history that goes on"
+        )
     for load in options.output_loads:
         low, high = min(path), max(path)
         if not low <= load <= high:
@@ -66,6 +74,12 @@ def loads_of(problem: Problem, options: RunOptions) -> tuple[float, ...]:
 def amplitudes_of(problem: Problem) -> list[Amplitude]:
     """Of all that is prescribed."""
     return [each.amplitude for each in (*problem.prescribed(), *forces_of(problem))]
+
+
+def times_of(problem: Problem) -> tuple[float, ...]:
+    """Times after 0 that are hit exactly: kinks of histories, and beginnings of stages."""
+    begins = {stage.begins for stage in stages_of(problem)} - {0.0}
+    return tuple(sorted({*kinks_of(amplitudes_of(problem)), *begins}))
 
 
 def snapshot_times(path: ControlPath, options: RunOptions) -> list[float]:

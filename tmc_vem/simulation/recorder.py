@@ -157,7 +157,10 @@ class Recorder:
         facts = checkpoint.facts
         _same_inputs(facts["inputs"], self.inputs)
         states = States(u)
-        for control, state_ni in zip(facts["controls"], checkpoint.values_at(self._node_labels), strict=True):
+        values = checkpoint.values_at(self._node_labels)
+        n_states = len(facts["controls"])
+        self.system.remember(facts.get("stage", 0), [kept_ni.ravel() for kept_ni in values[n_states:]])
+        for control, state_ni in zip(facts["controls"], values[:n_states], strict=True):
             u.getArray()[:] = state_ni.ravel()
             states.append(np.array(control), u)
         self.history = [StepRecord.from_plain(entry) for entry in facts["history"]]
@@ -184,7 +187,7 @@ class Recorder:
             self.system.set_parameters(control.parameters)
         residual = self.system.create_vector()
         self.system.residual(u, residual)
-        return self.loads.again(residual, control, last.forces, last.load_work)
+        return self.loads.again(u, residual, last.forces, last.load_work)
 
     def begin(self, *, locked: bool) -> None:
         """Say in the run directory what the run is; called on all ranks.
@@ -343,15 +346,18 @@ class Recorder:
         assert self.directory is not None
         comm, path = self.system.comm, self.directory.path
         facts: dict[str, Any] = {}
+        stage, kept = self.system.memory()
         if self._on_root:
             facts = {
+                "stage": stage,
                 "inputs": self.inputs,
                 "position": asdict(position),
                 "controls": [control.tolist() for control in states.controls],
                 "history": self._plain_history,
                 "snapshots": self._snapshots.entries if self._snapshots else [],
             }
-        mine = Checkpoint(facts, self._node_labels, np.array([_nodal(u) for u in states.vectors]))
+        nodal = [_nodal(u) for u in states.vectors] + [DISPLACEMENT.nodal(values) for values in kept]
+        mine = Checkpoint(facts, self._node_labels, np.array(nodal))
         durable = comm.bcast(time.monotonic() >= self._durable_until)
         part = None if self._on_root else f"checkpoint-part-{position.number:06d}-{comm.rank}.npz"
         checksum = on_every_rank(comm, lambda: part and mine.write_part(path, part, durable=durable))

@@ -10,6 +10,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tmc_vem.solve.linear import DIRECT, LinearSolver
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.timing import Timer
@@ -133,11 +136,15 @@ class NewtonSolver:
         self._direction = self.system.create_vector()
         self._trial = self.system.create_vector()
         self._rhs = self.system.create_vector()
-        self._constrained = self.system.constrained()
         self._diagonal = self._matrix.createVecLeft()
         self._last_shift = 0.0
         self._shifted = False  # whether the matrix is the tangent plus a diagonal
         self.iterations_done = 0  # since the solver was made, whatever became of them
+
+    @property
+    def _constrained(self) -> NDArray[np.int32]:
+        """Constrained entries of this rank, which stages of a run change."""
+        return self.system.constrained()
 
     @property
     def ordering(self) -> str:

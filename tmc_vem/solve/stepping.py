@@ -238,6 +238,8 @@ class LoadStepper:
                         return replace(self._ended(position, why, last, wasted, cut_backs), refusal=refusal)
                     result = other.result
                 trial.copy(u)
+                assert result.residual is not None  # it has converged
+                self.solver.system.accept(u, result.residual, self.path.at(target))
                 states.append(self.path.vector(self.path.at(target)), u)
                 if jumped:  # there is nothing to extrapolate across a jump to another branch, nor to compare with
                     states.forget()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,7 @@ class Prescribed:
         value: displacement where the amplitude is 1: at load factor 1.
         amplitude: how it grows along the path; in proportion to the load factor by default.
         name: of a load that is reported by name; empty for others.
+        stages: names of the stages of a run in which it holds; empty for all.
     """
 
     where: str
@@ -68,6 +69,7 @@ class Prescribed:
     value: float = 0.0
     amplitude: Amplitude = PROPORTIONAL
     name: str = ""
+    stages: tuple[str, ...] = ()
 
     @property
     def axes(self) -> tuple[Pair, ...]:
@@ -118,6 +120,7 @@ class PrescribedAcross:
     amplitude: Amplitude = PROPORTIONAL
     name: str = ""
     axis: Pair | None = None
+    stages: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
         require_choice("direction", self.direction, ACROSS)
@@ -170,6 +173,7 @@ class PrescribedRotation:
     degrees: float
     amplitude: Amplitude = PROPORTIONAL
     name: str = ""
+    stages: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
         for axis, value in zip("xy", self.about, strict=True):

@@ -128,6 +128,10 @@ class NonlinearSystem(Protocol):
         """Add to ``out`` the derivative of the residual at ``u`` with respect to the load factor, at a position on the
         path: that of forces which change along it."""
 
+    def accept(self, u: Vec, residual: Vec, position: Control) -> None:
+        """A step has converged to ``u``, at a position on the path: a stage may begin, in which other supports hold,
+        and the residual becomes that of it."""
+
     def energy(self, u: Vec) -> Evaluation:
         """Potential at ``u`` alone."""
 
@@ -174,6 +178,17 @@ class Discretisation(NonlinearSystem, PointSource, Protocol):
 
     def reaction(self, residual: Vec, where: str, component: int) -> float:
         """Force that holds a named point or edge set, summed over its nodes, equal on all ranks."""
+
+    def holding_forces(self, residual: Vec) -> Float:
+        """(n_owned_dofs,) forces of all that holds this rank's nodes: the residual, and what supports that have ended
+        have left there."""
+
+    def memory(self) -> tuple[int, list[Float]]:
+        """Number of the stage of the run, and what it has kept of the states before it: values of this rank's part of a
+        vector; nothing where there are no stages."""
+
+    def remember(self, stage: int, kept: Sequence[Float]) -> None:
+        """Go on in a stage with what :meth:`memory` has given."""
 
     def held_forces(self, residual: Vec) -> Float:
         """(n, 2) forces that hold this rank's nodes at which something is prescribed."""
