@@ -10,11 +10,14 @@ from typing import Any
 import pytest
 from helpers_plate import LEFT_AND_BOTTOM, file_of, plate, problem_of
 
+from tmc_vem import RunOptions
+from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.columns import check_names, named_loads, pair_of, quantities_of
 from tmc_vem.problems.description import ConditionTable
 from tmc_vem.problems.directions import on_mesh
 from tmc_vem.problems.examine import examine
 from tmc_vem.problems.load_tables import LoadTable, SpringTable
+from tmc_vem.simulation.plan import control_path
 from tmc_vem.simulation.problem_file import read_problem
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import PROPORTIONAL, Prescribed, PrescribedAcross, PrescribedRotation
@@ -258,3 +261,66 @@ def test_pairs_whose_product_is_work() -> None:
             assert " ".join(pair_of(load)) == pair
             assert {*pair.split(), "work"} <= set(quantities_of(load))
     assert quantities_of(Spring("s", "a", (1.0, 0.0)))[-1] == "energy"
+
+
+# -- fuzz ------------------------------------------------------------------------------------------------------------
+
+EVERYTHING = LEFT_AND_BOTTOM + PULL + "history = [[0, 0], [1, 1], [2, 0.5]]\n" + PUSH + """[[load]]
+at = "c"
+force = [1, 0]
+[[load]]
+name = "turn"
+at = "d"
+rotation = 20
+about = [0, 1]
+[[load]]
+name = "weight"
+regions = ["block"]
+acceleration = [0, -10]
+density = 0.1
+[[spring]]
+at = "b"
+stiffness = [1, 1]
+[[stage]]
+name = "first"
+begins = 0
+[[stage]]
+name = "second"
+begins = 1
+[[support]]
+at = "top"
+uy = 0
+stage = "second"
+"""  # fmt: skip
+WORDS = ("nan", "-1", "[]", "[1, 2]", '"x"', "true", "[[0, 0], [1, nan]]")
+
+
+def said_of(path: Path, mesh: PolygonMesh) -> str:
+    """What is wrong with a file; nothing if nothing is."""
+    try:
+        problem = read_problem(path)[0]
+    except InputError as error:
+        return str(error)
+    try:
+        control_path(problem, RunOptions())
+        examine(problem, mesh, (1.0,))
+    except InputError as error:
+        return f"{path.name}: {error}"
+    return ""
+
+
+def test_any_change_to_an_entry_is_accepted_or_refused_in_one_line(folder: Path) -> None:
+    """Every value by every word, every key by another, every line left out: one line that names the file, or none."""
+    path, mesh = file_of(folder, EVERYTHING), plate()
+    assert said_of(path, mesh) == ""
+    lines = path.read_text().splitlines()
+    first = next(n for n, line in enumerate(lines) if line.startswith("[["))
+    messages = []
+    for n in range(first, len(lines)):
+        key, mark, _ = lines[n].partition(" = ")
+        for change in [f"{key} = {word}" for word in WORDS] + [f"{key}x = 1", ""] if mark else ["[[lod]]"]:
+            path.write_text("\n".join([*lines[:n], change, *lines[n + 1 :]]) + "\n")
+            messages.append(said_of(path, mesh))
+    refused = [message for message in messages if message]
+    assert all("plate.toml" in message and len(message.splitlines()) == 1 for message in refused)
+    assert len(refused) > 0.6 * len(messages) > 200

@@ -23,6 +23,7 @@ Bool = NDArray[np.bool_]
 # Singular values of the equations, relative to the root of their number, that count as zero. Coordinates differ by
 # rounding, and edges belong to a line up to a millionth of the mesh's extent.
 ZERO = 2e-6
+ALONG = "moving along"  # how a motion begins that is neither along x nor along y
 # Hinged bodies that are looked at together; of more, each is taken for held where it is hinged.
 MOST_HINGED = 200
 
@@ -145,6 +146,10 @@ def _motion(points_vx: Float, bodies_v: list[Int], held: _Held) -> tuple[str, tu
     free = [axis for axis, shift in enumerate(shifts) if np.abs(system @ shift).max(initial=0.0) <= limit]
     said = " and ".join("xy"[axis] for axis in free)
     said = f"moving in {said}" if free else ""
+    along = [mode for mode in null[:1] if not free and len(bodies_v) == 1 and abs(mode[2]) <= limit]
+    if along and len(null) == 1:
+        x, y = (along[0][:2] / np.hypot(*along[0][:2]) * (np.sign(along[0][0]) or 1.0)).tolist()
+        return f"{ALONG} ({x:.4g}, {y:.4g})", ()
     if len(null) > len(free):
         said += f"{' and ' if said else ''}turning"
         if not free and len(bodies_v) == 1:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.mesh.rigid import FreePart, free_parts
+from tmc_vem.mesh.rigid import ALONG, FreePart, free_parts
 from tmc_vem.problems.base import RegionEnergy
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.constrained import is_other
@@ -266,6 +266,8 @@ def _around(part: FreePart) -> str:
 def _remedy(part: FreePart) -> str:
     if part.components:
         return f"add a support with {' and '.join(part.components)} at one of its points or edges"
+    if part.motion.startswith(ALONG):
+        return "add a support that holds it in that direction"
     return "add a support away from there, or one along edges instead of a point"
 
 

@@ -50,10 +50,10 @@ def draw_problem(
         Patch(facecolor=SOLIDS[0], edgecolor="black", label="solid"),
         Patch(facecolor=MEDIUM_COLOUR, edgecolor="0.6", label="third medium"),
     ]
+    prescribed = on_mesh(prescribed, mesh, media)
     for held, (marker, offset, where) in _supports(mesh, prescribed).items():
         axes.plot(*(where + unit * np.array(offset)).T, marker, color=SUPPORT, markersize=6, clip_on=False)
         handles.append(Line2D([], [], marker=marker, linestyle="", color=SUPPORT, markersize=6, label=held))
-    prescribed = on_mesh(prescribed, mesh, media)
     for arrows in (_moved(mesh, prescribed), _loaded(mesh, media, forces)):
         for head, direction in arrows:
             tail = head - 1.6 * unit * direction
