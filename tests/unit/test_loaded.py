@@ -8,7 +8,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers_forces import METHODS, ROLLERS, SOLID, Float, discretised, interpolated, plate, renamed, ring
+from helpers_forces import (
+    KINDS,
+    METHODS,
+    ROLLERS,
+    SOLID,
+    Float,
+    cavity_plate,
+    discretised,
+    interpolated,
+    plate,
+    renamed,
+    ring,
+)
 from helpers_system import dense
 
 from tmc_vem.mesh import PolygonMesh
@@ -39,29 +51,6 @@ class Squared:
 
     def per_load(self, position: Control) -> float:
         return 2.0 * position.load
-
-
-def cavity_plate() -> PolygonMesh:
-    """Plate of 4 x 4 cells without one of them, whose sides are the edges ``hole``."""
-    mesh = plate(4, 4, bent=0.02)
-    gone = 5
-    sides = np.array([*mesh.cell(gone)])
-    cells = [cell.tolist() for c, cell in enumerate(mesh.cells()) if c != gone]
-    return PolygonMesh.from_cells(
-        mesh.points_vx, cells, region_names=mesh.region_names, named_points=mesh.named_points,
-        named_edges={**mesh.named_edges, "hole": np.column_stack([sides, np.roll(sides, -1)])},
-    )  # fmt: skip
-
-
-KINDS: dict[str, Force] = {
-    "point force": PointForce("f", "tip", (0.3, -0.2)),
-    "traction": Traction("f", "right", (0.3, 0.4)),
-    "body force": BodyForce("f", ("block",), (0.5, -0.3)),
-    "cavity": CavityPressure("f", "hole", 0.7),
-    "follower": FollowerPressure("f", "corner", 0.6),
-    "point spring": Spring("f", "pair", (0.4, 0.9)),
-    "springs": Spring("f", "top", (0.8, 0.5)),
-}
 
 
 def random(system: Any, size: float, seed: int) -> Any:
