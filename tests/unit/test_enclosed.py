@@ -13,8 +13,10 @@ from mpi4py import MPI
 
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.enclosed import against_cells, around_cavity
+from tmc_vem.system.pressure import swept
 from tmc_vem.system.sides import AllSides, Sides
 from tmc_vem.system.trace import Trace
+from tmc_vem.system.turned import Turned
 from tmc_vem.vem.spaces.quadrature import gauss, gauss_lobatto
 
 
@@ -69,6 +71,10 @@ def test_sides_have_lengths_and_nodes_between_their_ends() -> None:
     assert (few.nodes_sa[0].tolist(), few.cell_s.tolist(), few.region_s.tolist()) == ([1, 101, 2], [0, 0], ["s", "s"])
     none = sides.take(np.zeros(3, dtype=bool))
     assert (len(none), none.trace.mean_a.shape, none.length_s.shape) == (0, (3,), (0,))
+    assert few.dofs_sm[0].tolist() == [2, 3, 202, 203, 4, 5]
+    assert none.dofs_sm.shape == (0, 6)
+    terms, area = swept(none, np.ones(0, dtype=np.int64), np.zeros(2))
+    assert (terms.along(Turned()).linear_sm.shape, area) == ((0, 6), 0.0)
 
 
 def test_the_sides_of_two_ranks_know_each_other() -> None:

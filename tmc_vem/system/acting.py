@@ -102,7 +102,7 @@ class Act:
     def _along_edges(self, force: Traction) -> WorkForm:
         sides = self._once(force)
         linear = np.einsum("s,a,i->sai", sides.length_s, sides.trace.mean_a, np.array(force.traction))
-        dofs = DISPLACEMENT.dofs(sides.nodes_sa).reshape(len(sides), -1)
+        dofs = sides.dofs_sm
         return self._form([WorkTerms(dofs, linear.reshape(dofs.shape))])
 
     def _in_regions(self, force: BodyForce) -> WorkForm:
@@ -120,10 +120,9 @@ class Act:
             hessian = np.broadcast_to(-stiffness, (len(dofs), 2, 2))
             return self._form([WorkTerms(dofs, np.zeros(dofs.shape), hessian)])
         sides = self._once(force)
-        dofs = DISPLACEMENT.dofs(sides.nodes_sa).reshape(len(sides), -1)
+        dofs = sides.dofs_sm
         hessian = -np.einsum("s,ab,ij->saibj", sides.length_s, sides.trace.mass_ab, stiffness)
-        m = dofs.shape[1]
-        return self._form([WorkTerms(dofs, np.zeros(dofs.shape), hessian.reshape(-1, m, m))])
+        return self._form([WorkTerms(dofs, np.zeros(dofs.shape), hessian.reshape(*dofs.shape, dofs.shape[1]))])
 
     def _in_cavity(self, force: CavityPressure) -> Acting:
         sides, every = self._sides(force)
