@@ -53,6 +53,17 @@ class Squared:
         return 2.0 * position.load
 
 
+@dataclass(frozen=True)
+class Late:
+    """A pulse long after load factor 1."""
+
+    def at(self, position: Control) -> float:
+        return float(700.0 < position.load < 800.0)
+
+    def per_load(self, position: Control) -> float:
+        return 0.0
+
+
 def random(system: Any, size: float, seed: int) -> Any:
     vector = system.create_vector()
     array = vector.getArray()
@@ -377,11 +388,12 @@ def test_names_are_given_once(bare: dict[str, Any]) -> None:
 
 
 def test_an_end_that_moves_is_not_held() -> None:
-    """A component that is prescribed but not 0 holds no end; the other one may."""
-    moving = (*ROLLERS, Prescribed("top", 0, 0.1))
+    """A component that is prescribed but not 0 holds no end, also if it moves late; the other one may."""
     corner = FollowerPressure("f", "right", 1.0)
-    with pytest.raises(InputError, match=r"end at \(1, 1\)"):
-        with_forces(discretised("vem", plate(), moving), [corner])
+    for amplitude in (Squared(), Late()):
+        moving = (*ROLLERS, Prescribed("top", 0, 0.1, amplitude))
+        with pytest.raises(InputError, match=r"end at \(1, 1\)"):
+            with_forces(discretised("vem", plate(), moving), [corner])
     held = (*moving, Prescribed("top", 1))
     assert with_forces(discretised("vem", plate(), held), [corner]).measures
 

@@ -21,8 +21,9 @@ from tmc_vem.system.work_form import WorkForm, WorkTerms
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-# Load factors at which a displacement that is prescribed and never moves is 0; others are not at all of them.
-ON_THE_WAY = (0.37, 0.71, 1.0)
+# Load factors at which a displacement that is prescribed and never moves is 0; what moves is not 0 at all of them, even
+# if it moves late or for a while.
+ON_THE_WAY = (*np.linspace(0.05, 10.0, 200).tolist(), *np.geomspace(10.1, 1000.0, 40).tolist())
 
 
 @dataclass(frozen=True)
