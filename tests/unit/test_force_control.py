@@ -21,6 +21,7 @@ from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.system.control import Control
+from tmc_vem.system.discretisation import Evaluation, RegionValues
 from tmc_vem.system.forces import BodyForce, FollowerPressure, PointForce, Spring, Traction
 from tmc_vem.system.loaded import with_forces
 
@@ -191,6 +192,17 @@ def test_what_stopped_is_left_at_its_last_load() -> None:
     )
     assert stepper.run(truss.create_vector()).complete
     assert seen == [(load, load) for load in (0.25, 0.5, 0.75, 1.0)]
+    # a run that has nothing left to do is at its end
+    u = truss.create_vector()
+    states, position = stepper.start(u)
+    truss.load = 0.0
+    assert stepper.run(u, states, replace(position, time=1.0)).complete
+    assert truss.load == 1.0
+
+
+def test_the_potential_is_as_exact_as_what_it_is_the_difference_of() -> None:
+    regions = {"a": RegionValues(3.0, 1.0), "b": RegionValues(1.0, 1.0)}
+    assert [Evaluation(energy, regions).magnitude for energy in (1e-9, 4.0, -5.0)] == [4.0, 4.0, 5.0]
 
 
 def arch() -> PolygonMesh:
