@@ -16,6 +16,7 @@ import json, sys
 from dataclasses import replace
 import numpy as np
 from mpi4py import MPI
+sys.path.insert(0, "..")
 from helpers_forces import KINDS, ROLLERS, cavity_plate
 from helpers_fem import CLAMPED, SOLID, grid, make_system, problem_system, wavy
 from tmc_vem.mesh import PolygonMesh
