@@ -60,9 +60,9 @@ def plate(nx: int = 3, ny: int = 2, width: float = 1.0, height: float = 1.0, ben
     )  # fmt: skip
 
 
-def cavity_plate() -> PolygonMesh:
+def cavity_plate(bent: float = 0.02) -> PolygonMesh:
     """Plate of 4 x 4 cells without one of them, whose sides are the edges ``hole``."""
-    mesh = plate(4, 4, bent=0.02)
+    mesh = plate(4, 4, bent=bent)
     gone = 5
     sides = np.array([*mesh.cell(gone)])
     cells = [cell.tolist() for c, cell in enumerate(mesh.cells()) if c != gone]

@@ -110,7 +110,7 @@ def test_a_problem_with_forces_says_so_in_its_inputs() -> None:
 
 def test_a_resumed_run_ends_bit_for_bit_where_the_whole_one_does(tmp_path: Path) -> None:
     options = RunOptions(largest_step=0.2, snapshots=0)
-    whole = run(all_kinds(), tmp_path / "whole", options)
+    whole = run(all_kinds(), options=options)
     cut = run(all_kinds(), tmp_path / "cut", replace(options, max_iterations=9))
     assert 1 < len(cut.history) < len(whole.history)
     again = run(all_kinds(), tmp_path / "cut", options, resume=True)
@@ -118,7 +118,7 @@ def test_a_resumed_run_ends_bit_for_bit_where_the_whole_one_does(tmp_path: Path)
         assert replace(mine, seconds=0.0, wasted_iterations=0, cut_backs=0) == replace(
             theirs, seconds=0.0, wasted_iterations=0, cut_backs=0
         )
-    read = RunResult.read(tmp_path / "whole")
+    read = RunResult.read(tmp_path / "cut")
     assert [record.forces for record in read.history] == [record.forces for record in whole.history]
     assert read.history[-1].probes == {}
 
