@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -106,6 +107,17 @@ def test_a_hole_is_a_cavity() -> None:
         assert around_cavity("air", "wall", all_of([loop[::-1]])).tolist() == [-1] * len(loop)
 
 
+@pytest.mark.parametrize("scale", [0.1, 7.0])
+def test_cavities_may_have_any_shape(scale: float) -> None:
+    """Stars of random radii, whose sides hide each other from many directions; the middle of the last one is a cell."""
+    rng = np.random.default_rng(5)
+    angles, radii = 2.0 * np.pi * np.arange(60) / 60, rng.uniform(0.2, 1.0, 60)
+    star = [(scale * r * np.cos(a) + 3.0, scale * r * np.sin(a) - 2.0) for r, a in zip(radii, angles, strict=True)]
+    assert around_cavity("air", "wall", all_of([star[::-1]])).tolist() == [-1] * 60
+    middle = [(3.0 + 0.1 * (x - 3.0), -2.0 + 0.1 * (y + 2.0)) for x, y in star]
+    assert around_cavity("air", "wall", all_of([star[::-1], middle])).tolist() == [-1] * 120
+
+
 def test_an_island_is_no_part_of_the_cavity() -> None:
     """The hole of a body with another body inside, which goes counter-clockwise round itself."""
     both = all_of([square(0, 0, 3)[::-1], square(1, 1, 1)])
@@ -117,6 +129,9 @@ def test_a_cavity_may_be_full_of_medium() -> None:
     inside, outside = square(0, 0, 1), square(0, 0, 1)[::-1]
     assert around_cavity("air", "wall", all_of([inside, outside])).tolist() == [1] * 4 + [0] * 4
     assert around_cavity("air", "wall", all_of([outside, inside])).tolist() == [-1] * 4 + [0] * 4
+    sides = sides_of([outside, inside])
+    later = AllSides.gather(MPI.COMM_SELF, replace(sides, cell_s=1 - sides.cell_s))
+    assert around_cavity("air", "wall", later).tolist() == [0] * 4 + [1] * 4
 
 
 def test_edges_that_are_no_cavity_are_refused() -> None:
