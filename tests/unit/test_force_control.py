@@ -163,10 +163,11 @@ class PushedTruss(Truss):
 
 def test_a_truss_is_followed_through_its_limit_points_under_a_force() -> None:
     truss = PushedTruss()
-    loads, tops = [], []
+    loads, tops, lengths = [], [], []
 
     def keep(step: Any, states: Any, _: Any) -> None:
         loads.append(step.load)
+        lengths.append(step.time)
         tops.append(float(states.vectors[-1].getArray(readonly=True)[0]))
 
     result = ArcLengthStepper(NewtonSolver(truss), ArcOptions(largest=0.5), keep).run(truss.create_vector())
@@ -174,6 +175,9 @@ def test_a_truss_is_followed_through_its_limit_points_under_a_force() -> None:
     assert (loads[-1], truss.load) == (1.0, 1.0)
     assert loads == pytest.approx(truss.force_at(np.array(tops)).tolist(), abs=1e-7)
     assert np.diff(loads).min() < 0.0 < np.diff(tops).min()
+    # of the displacements the mean square counts, relative to a tenth of the size, which is 1; there is one node
+    pieces = np.hypot(np.diff(loads), np.diff(tops) / 0.1)
+    assert np.diff(lengths) == pytest.approx(pieces, rel=1e-9)
     fine = truss.force_at(np.linspace(0.0, 1.0, 2001)).max()
     assert 0.9 * fine < max(load for load, top in zip(loads, tops, strict=True) if top < 1.0) <= fine
 

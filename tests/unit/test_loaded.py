@@ -410,6 +410,34 @@ def test_pressure_between_solid_and_medium_is_on_the_solid() -> None:
         assert (found["force_x"], found["force_y"]) == pytest.approx((sign * 2.0, 0.0))
 
 
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_body_force_acts_on_its_regions(method: str, order: int) -> None:
+    """On the second of two columns of cells: its area, and a moment about its middle, at x = 0.75."""
+    two = replace(plate(2, 2), region_c=np.array([0, 1, 0, 1]), region_names=("solid", "soft"))
+    body = discretised(method, two, order=order)
+    system = with_forces(body, [BodyForce("f", ("soft",), (2.0, 4.0)), BodyForce("g", ("soft", "solid"), (0.0, 1.0))])
+    found = system.measures(system.create_vector(), Control(1.0))
+    assert [found["f"][key] for key in ("force_x", "force_y", "moment")] == pytest.approx([1.0, 2.0, 1.5 - 0.5])
+    assert [found["g"][key] for key in ("force_x", "force_y", "moment")] == pytest.approx([0.0, 1.0, 0.5], abs=1e-14)
+
+
+def test_triangles_of_finite_elements_have_the_same_sides() -> None:
+    pytest.importorskip("dolfinx")
+    from mpi4py import MPI
+
+    from tmc_vem.fem.system import FemSystem
+    from tmc_vem.system.fem_settings import FemSettings
+
+    system = FemSystem(MPI.COMM_SELF, cavity_plate, {"block": SOLID}, ROLLERS, FemSettings(triangles=True))
+    forces = [replace(force, name=kind) for kind, force in KINDS.items()]
+    found = with_forces(system, forces).measures(system.interpolate(smooth), Control(0.8))
+    squares: Any = discretised("vem", cavity_plate())
+    expected = with_forces(squares, forces).measures(interpolated(squares, smooth), Control(0.8))
+    for kind in KINDS:
+        assert found[kind] == pytest.approx(expected[kind], rel=1e-9, abs=1e-12), kind
+
+
 # -- nodes with axes of their own --------------------------------------------------------------------------------------
 
 
