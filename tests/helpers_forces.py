@@ -1,4 +1,4 @@
-"""Bodies that forces act on: a plate, a ring around a cavity, and a problem made of its parts."""
+"""Bodies that forces act on, a force of each kind, and a problem made of its parts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tmc_vem.problems.probes import Probe
 from tmc_vem.support.units import Units
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.system.discretisation import Discretisation
-from tmc_vem.system.forces import Force
+from tmc_vem.system.forces import BodyForce, CavityPressure, FollowerPressure, Force, PointForce, Spring, Traction
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 Float = NDArray[np.float64]
@@ -58,6 +58,29 @@ def plate(nx: int = 3, ny: int = 2, width: float = 1.0, height: float = 1.0, ben
         moved, named.cell_offsets, named.cell_vertices, named.region_c, named.region_names, named.named_points,
         named.named_edges,
     )  # fmt: skip
+
+
+def cavity_plate(bent: float = 0.02) -> PolygonMesh:
+    """Plate of 4 x 4 cells without one of them, whose sides are the edges ``hole``."""
+    mesh = plate(4, 4, bent=bent)
+    gone = 5
+    sides = np.array([*mesh.cell(gone)])
+    cells = [cell.tolist() for c, cell in enumerate(mesh.cells()) if c != gone]
+    return PolygonMesh.from_cells(
+        mesh.points_vx, cells, region_names=mesh.region_names, named_points=mesh.named_points,
+        named_edges={**mesh.named_edges, "hole": np.column_stack([sides, np.roll(sides, -1)])},
+    )  # fmt: skip
+
+
+KINDS: dict[str, Force] = {
+    "point force": PointForce("f", "tip", (0.3, -0.2)),
+    "traction": Traction("f", "right", (0.3, 0.4)),
+    "body force": BodyForce("f", ("block",), (0.5, -0.3)),
+    "cavity": CavityPressure("f", "hole", 0.7),
+    "follower": FollowerPressure("f", "corner", 0.6),
+    "point spring": Spring("f", "pair", (0.4, 0.9)),
+    "springs": Spring("f", "top", (0.8, 0.5)),
+}
 
 
 def ring(n: int, inner: float = 1.0, outer: float = 2.0, layers: int = 2, part: float = 1.0) -> PolygonMesh:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -13,8 +14,10 @@ from mpi4py import MPI
 
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.enclosed import against_cells, around_cavity
+from tmc_vem.system.pressure import swept
 from tmc_vem.system.sides import AllSides, Sides
 from tmc_vem.system.trace import Trace
+from tmc_vem.system.turned import Turned
 from tmc_vem.vem.spaces.quadrature import gauss, gauss_lobatto
 
 
@@ -69,6 +72,10 @@ def test_sides_have_lengths_and_nodes_between_their_ends() -> None:
     assert (few.nodes_sa[0].tolist(), few.cell_s.tolist(), few.region_s.tolist()) == ([1, 101, 2], [0, 0], ["s", "s"])
     none = sides.take(np.zeros(3, dtype=bool))
     assert (len(none), none.trace.mean_a.shape, none.length_s.shape) == (0, (3,), (0,))
+    assert few.dofs_sm[0].tolist() == [2, 3, 202, 203, 4, 5]
+    assert none.dofs_sm.shape == (0, 6)
+    terms, area = swept(none, np.ones(0, dtype=np.int64), np.zeros(2))
+    assert (terms.along(Turned()).linear_sm.shape, area) == ((0, 6), 0.0)
 
 
 def test_the_sides_of_two_ranks_know_each_other() -> None:
@@ -100,6 +107,17 @@ def test_a_hole_is_a_cavity() -> None:
         assert around_cavity("air", "wall", all_of([loop[::-1]])).tolist() == [-1] * len(loop)
 
 
+@pytest.mark.parametrize("scale", [0.1, 7.0])
+def test_cavities_may_have_any_shape(scale: float) -> None:
+    """Stars of random radii, whose sides hide each other from many directions; the middle of the last one is a cell."""
+    rng = np.random.default_rng(5)
+    angles, radii = 2.0 * np.pi * np.arange(60) / 60, rng.uniform(0.2, 1.0, 60)
+    star = [(scale * r * np.cos(a) + 3.0, scale * r * np.sin(a) - 2.0) for r, a in zip(radii, angles, strict=True)]
+    assert around_cavity("air", "wall", all_of([star[::-1]])).tolist() == [-1] * 60
+    middle = [(3.0 + 0.1 * (x - 3.0), -2.0 + 0.1 * (y + 2.0)) for x, y in star]
+    assert around_cavity("air", "wall", all_of([star[::-1], middle])).tolist() == [-1] * 120
+
+
 def test_an_island_is_no_part_of_the_cavity() -> None:
     """The hole of a body with another body inside, which goes counter-clockwise round itself."""
     both = all_of([square(0, 0, 3)[::-1], square(1, 1, 1)])
@@ -111,6 +129,9 @@ def test_a_cavity_may_be_full_of_medium() -> None:
     inside, outside = square(0, 0, 1), square(0, 0, 1)[::-1]
     assert around_cavity("air", "wall", all_of([inside, outside])).tolist() == [1] * 4 + [0] * 4
     assert around_cavity("air", "wall", all_of([outside, inside])).tolist() == [-1] * 4 + [0] * 4
+    sides = sides_of([outside, inside])
+    later = AllSides.gather(MPI.COMM_SELF, replace(sides, cell_s=1 - sides.cell_s))
+    assert around_cavity("air", "wall", later).tolist() == [0] * 4 + [1] * 4
 
 
 def test_edges_that_are_no_cavity_are_refused() -> None:

@@ -21,6 +21,7 @@ from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.system.control import Control
+from tmc_vem.system.discretisation import Evaluation, RegionValues
 from tmc_vem.system.forces import BodyForce, FollowerPressure, PointForce, Spring, Traction
 from tmc_vem.system.loaded import with_forces
 
@@ -109,7 +110,7 @@ def test_a_problem_with_forces_says_so_in_its_inputs() -> None:
 
 def test_a_resumed_run_ends_bit_for_bit_where_the_whole_one_does(tmp_path: Path) -> None:
     options = RunOptions(largest_step=0.2, snapshots=0)
-    whole = run(all_kinds(), tmp_path / "whole", options)
+    whole = run(all_kinds(), options=options)
     cut = run(all_kinds(), tmp_path / "cut", replace(options, max_iterations=9))
     assert 1 < len(cut.history) < len(whole.history)
     again = run(all_kinds(), tmp_path / "cut", options, resume=True)
@@ -117,7 +118,7 @@ def test_a_resumed_run_ends_bit_for_bit_where_the_whole_one_does(tmp_path: Path)
         assert replace(mine, seconds=0.0, wasted_iterations=0, cut_backs=0) == replace(
             theirs, seconds=0.0, wasted_iterations=0, cut_backs=0
         )
-    read = RunResult.read(tmp_path / "whole")
+    read = RunResult.read(tmp_path / "cut")
     assert [record.forces for record in read.history] == [record.forces for record in whole.history]
     assert read.history[-1].probes == {}
 
@@ -162,10 +163,11 @@ class PushedTruss(Truss):
 
 def test_a_truss_is_followed_through_its_limit_points_under_a_force() -> None:
     truss = PushedTruss()
-    loads, tops = [], []
+    loads, tops, lengths = [], [], []
 
     def keep(step: Any, states: Any, _: Any) -> None:
         loads.append(step.load)
+        lengths.append(step.time)
         tops.append(float(states.vectors[-1].getArray(readonly=True)[0]))
 
     result = ArcLengthStepper(NewtonSolver(truss), ArcOptions(largest=0.5), keep).run(truss.create_vector())
@@ -173,6 +175,9 @@ def test_a_truss_is_followed_through_its_limit_points_under_a_force() -> None:
     assert (loads[-1], truss.load) == (1.0, 1.0)
     assert loads == pytest.approx(truss.force_at(np.array(tops)).tolist(), abs=1e-7)
     assert np.diff(loads).min() < 0.0 < np.diff(tops).min()
+    # of the displacements the mean square counts, relative to a tenth of the size, which is 1; there is one node
+    pieces = np.hypot(np.diff(loads), np.diff(tops) / 0.1)
+    assert np.diff(lengths) == pytest.approx(pieces, rel=1e-9)
     fine = truss.force_at(np.linspace(0.0, 1.0, 2001)).max()
     assert 0.9 * fine < max(load for load, top in zip(loads, tops, strict=True) if top < 1.0) <= fine
 
@@ -191,6 +196,17 @@ def test_what_stopped_is_left_at_its_last_load() -> None:
     )
     assert stepper.run(truss.create_vector()).complete
     assert seen == [(load, load) for load in (0.25, 0.5, 0.75, 1.0)]
+    # a run that has nothing left to do is at its end
+    u = truss.create_vector()
+    states, position = stepper.start(u)
+    truss.load = 0.0
+    assert stepper.run(u, states, replace(position, time=1.0)).complete
+    assert truss.load == 1.0
+
+
+def test_the_potential_is_as_exact_as_what_it_is_the_difference_of() -> None:
+    regions = {"a": RegionValues(3.0, 1.0), "b": RegionValues(1.0, 1.0)}
+    assert [Evaluation(energy, regions).magnitude for energy in (1e-9, 4.0, -5.0)] == [4.0, 4.0, 5.0]
 
 
 def arch() -> PolygonMesh:

@@ -8,7 +8,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers_forces import METHODS, ROLLERS, SOLID, Float, discretised, interpolated, plate, renamed, ring
+from helpers_forces import (
+    KINDS,
+    METHODS,
+    ROLLERS,
+    SOLID,
+    Float,
+    cavity_plate,
+    discretised,
+    interpolated,
+    plate,
+    renamed,
+    ring,
+)
 from helpers_system import dense
 
 from tmc_vem.mesh import PolygonMesh
@@ -41,27 +53,15 @@ class Squared:
         return 2.0 * position.load
 
 
-def cavity_plate() -> PolygonMesh:
-    """Plate of 4 x 4 cells without one of them, whose sides are the edges ``hole``."""
-    mesh = plate(4, 4, bent=0.02)
-    gone = 5
-    sides = np.array([*mesh.cell(gone)])
-    cells = [cell.tolist() for c, cell in enumerate(mesh.cells()) if c != gone]
-    return PolygonMesh.from_cells(
-        mesh.points_vx, cells, region_names=mesh.region_names, named_points=mesh.named_points,
-        named_edges={**mesh.named_edges, "hole": np.column_stack([sides, np.roll(sides, -1)])},
-    )  # fmt: skip
+@dataclass(frozen=True)
+class Late:
+    """A pulse long after load factor 1."""
 
+    def at(self, position: Control) -> float:
+        return float(700.0 < position.load < 800.0)
 
-KINDS: dict[str, Force] = {
-    "point force": PointForce("f", "tip", (0.3, -0.2)),
-    "traction": Traction("f", "right", (0.3, 0.4)),
-    "body force": BodyForce("f", ("block",), (0.5, -0.3)),
-    "cavity": CavityPressure("f", "hole", 0.7),
-    "follower": FollowerPressure("f", "corner", 0.6),
-    "point spring": Spring("f", "pair", (0.4, 0.9)),
-    "springs": Spring("f", "top", (0.8, 0.5)),
-}
+    def per_load(self, position: Control) -> float:
+        return 0.0
 
 
 def random(system: Any, size: float, seed: int) -> Any:
@@ -388,11 +388,12 @@ def test_names_are_given_once(bare: dict[str, Any]) -> None:
 
 
 def test_an_end_that_moves_is_not_held() -> None:
-    """A component that is prescribed but not 0 holds no end; the other one may."""
-    moving = (*ROLLERS, Prescribed("top", 0, 0.1))
+    """A component that is prescribed but not 0 holds no end, also if it moves late; the other one may."""
     corner = FollowerPressure("f", "right", 1.0)
-    with pytest.raises(InputError, match=r"end at \(1, 1\)"):
-        with_forces(discretised("vem", plate(), moving), [corner])
+    for amplitude in (Squared(), Late()):
+        moving = (*ROLLERS, Prescribed("top", 0, 0.1, amplitude))
+        with pytest.raises(InputError, match=r"end at \(1, 1\)"):
+            with_forces(discretised("vem", plate(), moving), [corner])
     held = (*moving, Prescribed("top", 1))
     assert with_forces(discretised("vem", plate(), held), [corner]).measures
 
@@ -407,6 +408,34 @@ def test_pressure_between_solid_and_medium_is_on_the_solid() -> None:
         system = with_forces(discretised("vem", two, held), [FollowerPressure("f", "between", 2.0)], media)
         found = system.measures(system.create_vector(), Control(1.0))["f"]
         assert (found["force_x"], found["force_y"]) == pytest.approx((sign * 2.0, 0.0))
+
+
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_body_force_acts_on_its_regions(method: str, order: int) -> None:
+    """On the second of two columns of cells: its area, and a moment about its middle, at x = 0.75."""
+    two = replace(plate(2, 2), region_c=np.array([0, 1, 0, 1]), region_names=("solid", "soft"))
+    body = discretised(method, two, order=order)
+    system = with_forces(body, [BodyForce("f", ("soft",), (2.0, 4.0)), BodyForce("g", ("soft", "solid"), (0.0, 1.0))])
+    found = system.measures(system.create_vector(), Control(1.0))
+    assert [found["f"][key] for key in ("force_x", "force_y", "moment")] == pytest.approx([1.0, 2.0, 1.5 - 0.5])
+    assert [found["g"][key] for key in ("force_x", "force_y", "moment")] == pytest.approx([0.0, 1.0, 0.5], abs=1e-14)
+
+
+def test_triangles_of_finite_elements_have_the_same_sides() -> None:
+    pytest.importorskip("dolfinx")
+    from mpi4py import MPI
+
+    from tmc_vem.fem.system import FemSystem
+    from tmc_vem.system.fem_settings import FemSettings
+
+    system = FemSystem(MPI.COMM_SELF, cavity_plate, {"block": SOLID}, ROLLERS, FemSettings(triangles=True))
+    forces = [replace(force, name=kind) for kind, force in KINDS.items()]
+    found = with_forces(system, forces).measures(system.interpolate(smooth), Control(0.8))
+    squares: Any = discretised("vem", cavity_plate())
+    expected = with_forces(squares, forces).measures(interpolated(squares, smooth), Control(0.8))
+    for kind in KINDS:
+        assert found[kind] == pytest.approx(expected[kind], rel=1e-9, abs=1e-12), kind
 
 
 # -- nodes with axes of their own --------------------------------------------------------------------------------------

@@ -373,7 +373,7 @@ class NewtonSolver:
         with self.timer("assembly"):
             largest = self.system.max_step(u, self._direction)
         step = min(1.0, TO_THE_BOUNDARY * largest)
-        rounding = ENERGY_ROUNDING * abs(before.energy)
+        rounding = ENERGY_ROUNDING * before.magnitude
         u.copy(self._trial)
         while step >= SHORTEST_STEP:
             u.waxpy(step, self._direction, self._trial)

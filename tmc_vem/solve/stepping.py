@@ -202,6 +202,7 @@ class LoadStepper:
             states, position = self.start(u)
         for time, factor in position.stiffer:
             self.path = self.path.stiffened(time, self.soften, factor) or self.path
+        self.solver.system.set_position(self.path.at(position.time))
         trial, last, refusal = u.duplicate(), None, None
         cut_backs, done = 0, self.solver.iterations_done
         try:

@@ -21,8 +21,9 @@ from tmc_vem.system.work_form import WorkForm, WorkTerms
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-# Load factors at which a displacement that is prescribed and never moves is 0; others are not at all of them.
-ON_THE_WAY = (0.37, 0.71, 1.0)
+# Load factors at which a displacement that is prescribed and never moves is 0; what moves is not 0 at all of them, even
+# if it moves late or for a while.
+ON_THE_WAY = (*np.linspace(0.05, 10.0, 200).tolist(), *np.geomspace(10.1, 1000.0, 40).tolist())
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ class Act:
     def _along_edges(self, force: Traction) -> WorkForm:
         sides = self._once(force)
         linear = np.einsum("s,a,i->sai", sides.length_s, sides.trace.mean_a, np.array(force.traction))
-        dofs = DISPLACEMENT.dofs(sides.nodes_sa).reshape(len(sides), -1)
+        dofs = sides.dofs_sm
         return self._form([WorkTerms(dofs, linear.reshape(dofs.shape))])
 
     def _in_regions(self, force: BodyForce) -> WorkForm:
@@ -120,10 +121,9 @@ class Act:
             hessian = np.broadcast_to(-stiffness, (len(dofs), 2, 2))
             return self._form([WorkTerms(dofs, np.zeros(dofs.shape), hessian)])
         sides = self._once(force)
-        dofs = DISPLACEMENT.dofs(sides.nodes_sa).reshape(len(sides), -1)
+        dofs = sides.dofs_sm
         hessian = -np.einsum("s,ab,ij->saibj", sides.length_s, sides.trace.mass_ab, stiffness)
-        m = dofs.shape[1]
-        return self._form([WorkTerms(dofs, np.zeros(dofs.shape), hessian.reshape(-1, m, m))])
+        return self._form([WorkTerms(dofs, np.zeros(dofs.shape), hessian.reshape(*dofs.shape, dofs.shape[1]))])
 
     def _in_cavity(self, force: CavityPressure) -> Acting:
         sides, every = self._sides(force)

@@ -56,6 +56,11 @@ class Evaluation:
         return min(values.min_j for values in self.regions.values())
 
     @property
+    def magnitude(self) -> float:
+        """How large the terms are that the potential is the difference of; what is far below is rounding."""
+        return max(abs(self.energy), abs(sum(values.energy for values in self.regions.values())))
+
+    @property
     def admissible(self) -> bool:
         """Whether J > 0 at every quadrature point (False also for a value that is not a number)."""
         return all(values.min_j > 0.0 for values in self.regions.values())

@@ -43,9 +43,9 @@ def swept(sides: Sides, sign_s: Int, origin: Float) -> tuple[WorkTerms, float]:
     linear = np.stack([np.einsum("sab,sb->sa", turn_sab, Y_sa), -np.einsum("sab,sb->sa", turn_sab, X_sa)], axis=-1)
     hessian = np.zeros((*turn_sab.shape, 2, 2))
     hessian[..., 0, 1], hessian[..., 1, 0] = turn_sab, -turn_sab
-    dofs = DISPLACEMENT.dofs(sides.nodes_sa).reshape(len(sides), -1)
-    m = dofs.shape[1]
-    terms = WorkTerms(dofs, linear.reshape(-1, m), np.moveaxis(hessian, 3, 2).reshape(-1, m, m))
+    dofs = sides.dofs_sm
+    hessian = np.moveaxis(hessian, 3, 2).reshape(*dofs.shape, dofs.shape[1])
+    terms = WorkTerms(dofs, linear.reshape(dofs.shape), hessian)
     return terms, float(np.einsum("sa,sab,sb->", X_sa, turn_sab, Y_sa))
 
 

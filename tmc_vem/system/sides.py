@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.support.distributed import Comm
+from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.trace import Trace
 
 Float = NDArray[np.float64]
@@ -36,6 +37,11 @@ class Sides:
 
     def __len__(self) -> int:
         return len(self.ends_se)
+
+    @property
+    def dofs_sm(self) -> Int:
+        """(n, 2 (k + 1)) degrees of freedom of the nodes, numbered over all ranks."""
+        return DISPLACEMENT.dofs(self.nodes_sa).reshape(len(self), DISPLACEMENT.size(self.nodes_sa.shape[1]))
 
     @property
     def length_s(self) -> Float:
