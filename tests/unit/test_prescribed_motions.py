@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -283,3 +284,62 @@ def test_without_a_history_a_load_grows_up_to_time_1(straight: Path) -> None:
     assert forces[0.37] == pytest.approx(0.37)
     assert math.isclose(result.load, 2.0)
     assert np.isfinite(result.checks["imbalance"])
+
+
+# -- forces of files -------------------------------------------------------------------------------------------------
+
+BETWEEN_WALLS = LEFT_AND_BOTTOM + '[[support]]\nat = "right"\nux = 0\n'
+PRESSURE = (
+    BETWEEN_WALLS
+    + '[[load]]\nname = "press"\nat = "top"\npressure = 2\n[probes]\ntop = { displacement = "uy", at = "c" }\n'
+)
+WEIGHT = BETWEEN_WALLS + '[[load]]\nname = "weight"\nregions = ["block"]\n{what}\n'
+
+
+def test_pressure_on_a_plate_between_walls(straight: Path, method: str) -> None:
+    """The area that the top sweeps is its length, 2, times how far it comes down; the stress is the pressure."""
+    result = result_of(straight, PRESSURE, method=method, steps=4)
+    press, stored = result.loads["press"], sum(result.last.energy.values())
+    assert press["swept"] == pytest.approx(-2.0 * result.probes["top"], rel=1e-9)
+    assert 0.05 < -result.probes["top"] < 0.1
+    assert press["pressure"] == 2.0
+    assert (result.last.displacement, result.last.reaction) == (press["swept"], press["pressure"])
+    assert press["force_y"] == pytest.approx(-4.0, rel=1e-9)
+    assert press["work"] == pytest.approx(stored, rel=2e-3)
+    assert (result.units["displacement"], result.units["reaction"]) == ("length^2", "force/length^2")
+    assert (result.units["press.swept"], result.units["press.moment"]) == ("length^2", "force")
+
+
+def test_a_force_per_mass_is_one_per_area_times_the_density(straight: Path) -> None:
+    found = [
+        result_of(straight, WEIGHT.format(what=what), steps=1).loads["weight"]
+        for what in ("body_force = [0, -3]", "acceleration = [0, -30]\ndensity = 0.1")
+    ]
+    assert found[1] == pytest.approx(found[0], rel=1e-12)
+    assert found[0]["force"] == pytest.approx(6.0, rel=1e-12)
+    assert found[0]["displacement"] == pytest.approx(found[0]["potential"] / 6.0, rel=1e-12)
+    assert found[0]["work"] == pytest.approx(0.5 * 6.0 * found[0]["displacement"], rel=1e-12)
+
+
+def test_the_page_of_a_run_has_its_loads(cycle: RunResult) -> None:
+    """Curves of each over the time, and a table of the last values."""
+    from matplotlib.figure import Figure
+
+    from tmc_vem.report import tables
+    from tmc_vem.report.plots import against_load, has_several_loads
+
+    runs = {"run": cycle}
+    assert has_several_loads(runs)
+    (table,) = tables.measured(runs)
+    assert (table.caption, table.head[0]) == ("Probes and loads at the last converged step.", "quantity")
+    assert [row[0] for row in table.rows][:2] == ["pull.displacement", "pull.reaction"]
+    axes = Figure().subplots()
+    against_load(axes, runs, lambda record, _: record.reported["push.force"], "push.force")
+    (line,) = axes.lines
+    assert line.get_xdata().tolist() == [record.load for record in cycle.history]
+    assert max(line.get_ydata()) == pytest.approx(1.0)
+    assert axes.get_xlabel() == "time"
+    plain = {"run": replace(cycle, history=[replace(record, load_work=None) for record in cycle.history])}
+    against_load(axes, plain, lambda record, _: record.reaction, "reaction")
+    assert max(axes.lines[1].get_xdata()) == pytest.approx(0.2)
+    assert axes.get_xlabel().startswith("prescribed displacement")

@@ -368,7 +368,7 @@ class ProbeTable:
         return Reaction(str(self.reaction), self.at)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ProblemTable:
     """A problem file as a whole.
 
@@ -391,9 +391,9 @@ class ProblemTable:
 
     name: str
     regions: Mapping[str, RegionTable]
+    support: tuple[ConditionTable, ...] = ()
     load: LoadTable | tuple[LoadTable, ...] | ConditionTable
     mesh: MeshTable
-    support: tuple[ConditionTable, ...] = ()
     shapes: Mapping[str, ShapeTable] = field(default_factory=dict)
     points: Mapping[str, XY] = field(default_factory=dict)
     edges: Mapping[str, EdgesTable] = field(default_factory=dict)
