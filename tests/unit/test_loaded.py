@@ -21,7 +21,7 @@ from helpers_forces import (
     renamed,
     ring,
 )
-from helpers_system import dense
+from helpers_system import dense, rates
 
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.solve.newton import NewtonSolver
@@ -122,6 +122,31 @@ def test_derivatives_of_the_work_are_exact(bare: dict[str, Any], kind: str) -> N
     system.add_residual_per_load(u, Control(1.5), out)
     out.axpy(-2.0 / 1.5, gradient)
     assert out.norm() == pytest.approx(0.0, abs=1e-13)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_taylor_rates_with_the_body(bare: dict[str, Any], kind: str, method: str) -> None:
+    """Of the whole potential: 2 with the gradient, 3 with the tangent as well; 2 of the gradient with the tangent."""
+    if method == "fem":
+        pytest.importorskip("dolfinx")
+    system = with_forces(bare[method], [KINDS[kind]])
+    system.set_position(Control(2.0))
+    start, d = (interpolated(bare[method], field) for field in (smooth, lambda x: x @ [[0.5, 0.3], [-0.4, 0.6]]))
+    gradient, moved, at_moved, product = (system.create_vector() for _ in range(4))
+    energy = system.residual(start, gradient).energy
+    system.jacobian(start, system.create_matrix())
+    system.tangent_action(d, product)
+    slope, curvature = gradient.dot(d), product.dot(d)
+    sizes, left = (0.1, 0.05, 0.025), []
+    for h in sizes:
+        moved.waxpy(h, d, start)
+        change = system.residual(moved, at_moved).energy - energy
+        at_moved.axpy(-1.0, gradient)
+        at_moved.axpy(-h, product)
+        left.append((abs(change - h * slope), abs(change - h * slope - 0.5 * h**2 * curvature), at_moved.norm()))
+    for values, rate in zip(np.transpose(left), (2.0, 3.0, 2.0), strict=True):
+        assert rates(sizes, values.tolist()) == pytest.approx([rate, rate], abs=0.25)
 
 
 def test_the_tangent_is_that_of_the_position_where_it_was_made(bare: dict[str, Any]) -> None:
@@ -379,6 +404,20 @@ def test_what_is_not_there_is_refused(bare: dict[str, Any], method: str, force: 
         pytest.importorskip("dolfinx")
     with pytest.raises(InputError, match=f"^{said}"):
         with_forces(bare[method], [force])
+
+
+def test_forces_may_be_added_to_forces(bare: dict[str, Any]) -> None:
+    """Two after another are both at once."""
+    first, second = replace(KINDS["traction"], name="g"), KINDS["cavity"]
+    once, twice = with_forces(bare["vem"], [first, second]), with_forces(with_forces(bare["vem"], [first]), [second])
+    u, found = interpolated(bare["vem"], smooth), []
+    for system in (once, twice):
+        system.set_position(Control(0.6))
+        gradient, per_load = system.create_vector(), system.create_vector()
+        energy = system.residual(u, gradient).energy
+        system.add_residual_per_load(u, Control(0.6), per_load)
+        found.append((energy, gradient.norm(), per_load.norm()))
+    assert found[0] == pytest.approx(found[1], rel=1e-13)
 
 
 def test_names_are_given_once(bare: dict[str, Any]) -> None:

@@ -51,9 +51,9 @@ class Sides:
 
     @property
     def trace(self) -> Trace:
-        """Integrals along a side; those of none, if there is none."""
+        """Integrals along a side; of any nodes, if there is none to integrate over."""
         if not len(self):
-            return Trace.of(np.linspace(0.0, 1.0, self.nodes_sa.shape[1]))
+            return Trace.of(np.arange(float(self.nodes_sa.shape[1])))
         first = self.points_sax[0] - self.points_sax[0, 0]
         return Trace.of(np.hypot(first[:, 0], first[:, 1]) / self.length_s[0])
 
