@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.control import Control
+from tmc_vem.system.unloaded import Unloaded
 
 Float = NDArray[np.float64]
 
 
-class Pair:
+class Pair(Unloaded):
     """Vectors, matrix and condition; what stays is energy, residual, Jacobian and the action of the whole tangent."""
 
     comm, size, depth, reach = MPI.COMM_SELF, 1.0, 1.0, math.inf

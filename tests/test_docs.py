@@ -15,6 +15,7 @@ ROOT = Path(__file__).parents[1]
 PAGES = (
     "README.md",
     "docs/guide/tutorial.md",
+    "docs/guide/loads.md",
     *(
         f"docs/howto/{name}.md"
         for name in ("fenicsx", "hanging-nodes", "own-mesh", "paraview", "probes", "restart", "solver-options")

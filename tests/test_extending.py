@@ -108,7 +108,7 @@ def test_every_kind_is_on_the_page() -> None:
     kinds = ("A regulariser", "A material", "A problem", "Something to measure", "A setting", "A format of meshes",
              "A projection space")  # fmt: skip
     assert tuple(EXAMPLES) == kinds
-    for word in ("A load other than a displacement", "A field besides the displacement", "Adaptivity", "History"):
+    for word in ("A load of another kind", "A field besides the displacement", "Adaptivity", "History"):
         assert f"**{word}" in SECTIONS["What has no place yet"]
 
 

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers_fem import FemSettings, Float, grid, integral, medium
 from helpers_fem import make_system as fem_system
+from helpers_forces import KINDS, ROLLERS, Parts, cavity_plate
 from helpers_penalty import penalised
 from helpers_system import interpolate, make_system
 
 from tmc_vem import Box, RunOptions, RunResult, run
+from tmc_vem.problems.probes import Displacement
+from tmc_vem.problems.wrapped import Probed
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 
@@ -35,6 +40,23 @@ def test_all_digits_agree_on_rectangles(by_vem: RunResult, by_fem: RunResult) ->
         assert vem.reaction == pytest.approx(fem.reaction, rel=1e-10)
         for of in ("energy", "min_j"):
             assert dict(getattr(vem, of)) == pytest.approx(dict(getattr(fem, of)), rel=1e-9), of
+
+
+def test_forces_are_the_same_on_rectangles() -> None:
+    """One of each kind, solved: displacements, resultants, work, area."""
+    problem = Parts(lambda: cavity_plate(bent=0.0), ROLLERS, [replace(f, name=kind) for kind, f in KINDS.items()])
+    auto, q2 = ElementSettings(rule="auto"), FemSettings(quadrature=6, interior_penalty="none")
+    vem, fem = (
+        run(Probed(problem, {"tip": Displacement("ux", "tip")}), None, options)
+        for options in (RunOptions(element=auto, steps=2), RunOptions("fem", fem=q2, steps=2))
+    )
+    assert vem.complete
+    assert abs(vem.probes["tip"]) > 0.05
+    for one, other in zip(vem.history, fem.history, strict=True):
+        assert one.probes["tip"] == pytest.approx(other.probes["tip"], rel=1e-9)
+        assert one.reaction == pytest.approx(other.reaction, rel=1e-9)
+        for kind in KINDS:
+            assert one.forces[kind] == pytest.approx(other.forces[kind], rel=1e-9, abs=1e-11), kind
 
 
 @pytest.mark.parametrize("kind", ["penalty", "full"])

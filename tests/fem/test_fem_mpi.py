@@ -13,14 +13,18 @@ pytest.importorskip("dolfinx", reason="dolfinx is not installed")
 
 PROGRAM = """
 import json, sys
+from dataclasses import replace
 import numpy as np
 from mpi4py import MPI
+sys.path.insert(0, "..")
+from helpers_forces import KINDS, ROLLERS, cavity_plate
 from helpers_fem import CLAMPED, SOLID, grid, make_system, problem_system, wavy
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.results.output import gather_fields
 from tmc_vem.problems import Box, Medium
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.system.control import Control
+from tmc_vem.system.loaded import with_forces
 
 comm = MPI.COMM_WORLD
 system = problem_system(Box(cells=(20, 5), medium=Medium(gamma=1e-3)), comm, interior_penalty=sys.argv[1],
@@ -49,6 +53,9 @@ scattered = make_system(inside, SOLID, CLAMPED, triangles=sys.argv[2] == "1")
 n_constrained = comm.allreduce(len(scattered.constrained()))
 values = [n_constrained, gradient.norm(), system.reaction(result.residual, "load", 1), system.max_step(w, w),
           *system.point_displacements(u, ["flange_top", "support_right"]).ravel().tolist()]
+loaded = with_forces(make_system(cavity_plate(), SOLID, ROLLERS), [replace(f, name=k) for k, f in KINDS.items()])
+moved = loaded.interpolate(wavy)
+values += [value for of in loaded.measures(moved, Control(0.8)).values() for value in of.values()]
 if comm.rank == 0:
     print(json.dumps(values), flush=True)
 """

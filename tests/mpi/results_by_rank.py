@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from mpi4py import MPI
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from helpers_forces import KINDS, ROLLERS, cavity_plate, ring
 from helpers_mesh import grid, hanging, voronoi
 from helpers_penalty import medium, penalised
 from helpers_system import CLAMPED, interpolate, make_system, problem_system, region
@@ -21,6 +23,9 @@ from tmc_vem.problems import Box, Medium
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.solve.stepping import LoadStepper, SteppingOptions
 from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.control import Control
+from tmc_vem.system.forces import CavityPressure, Spring
+from tmc_vem.system.loaded import with_forces
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 comm = MPI.COMM_WORLD
@@ -105,6 +110,31 @@ report: dict[str, Any] = {
         make_system(corner_fan(), SOLID, [Prescribed("spoke", 0), Prescribed("spoke", 1), Prescribed("rim", 1, 0.1)])
     ),
     "one cell": numbers(make_system(PolygonMesh.from_cells([(0, 0), (1, 0), (0, 1)], [[0, 1, 2]]), SOLID)),
+}
+
+# every kind of force, at load factor 0.8
+forces = [replace(force, name=kind.replace(" ", "_")) for kind, force in KINDS.items()]
+loaded = with_forces(make_system(cavity_plate(), SOLID, ROLLERS), forces)
+loaded.set_position(Control(0.8))
+report["forces"] = numbers(loaded)
+per_load = loaded.create_vector()
+loaded.add_residual_per_load(interpolate(loaded, wavy), Control(0.8), per_load)
+of_forces = loaded.energy(interpolate(loaded, wavy)).forces
+measured = loaded.measures(interpolate(loaded, wavy), Control(0.8))
+report["measures"] = {f"{name} {key}": value for name, of in measured.items() for key, value in of.items()}
+report["measures"] |= {"per load": per_load.norm(), "norm": of_forces, "mallocs": 0.0}
+
+# a ring that opens under pressure, held by springs
+pad = Spring("pad", "outer", (1.0, 2.0))
+blown = with_forces(make_system(ring(12), SOLID, ()), [CavityPressure("air", "inner", 4.0), pad])
+u, opened = blown.create_vector(), blown.create_vector()
+assert NewtonSolver(blown).predict(u, Control(1.0), opened)
+blown_up = NewtonSolver(blown).solve(opened)
+report["solved ring"] = {
+    "complete": float(blown_up.converged),
+    "area": blown.measures(opened, Control(1.0))["air"]["area"],
+    "pad": blown_up.evaluation.springs["pad"],
+    "energy": blown_up.evaluation.energy,
 }
 
 # a problem with a body force, solved; reactions of an edge set

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 import pyvista
+from helpers_plate import result_of
 from helpers_process import tmc
 
 EXAMPLES = Path(__file__).parents[2] / "demos" / "problems"
@@ -80,3 +81,37 @@ def test_a_body_that_nothing_holds_is_said_once_on_two_ranks(method: str, tmp_pa
     assert done.returncode == 2
     assert done.stderr.count("only the medium holds region seal, around (0, 0.675), against moving in x") == 1
     assert not (tmp_path / "out").exists()
+
+
+ROLLERS = """[[support]]
+at = "left"
+normal = 0
+[[support]]
+at = "bottom"
+normal = 0
+[[load]]
+name = "press"
+at = "top"
+normal = -0.1
+history = [[0, 0], [1, 1], [1.5, 0.5]]
+[[load]]
+name = "pull"
+at = "right"
+traction = [0.5, 1.0]
+history = [[1, 0], [1.5, 1]]
+"""
+
+
+@pytest.mark.parametrize("method", ["vem", "fem"])
+def test_loads_and_rollers_on_inclines_do_not_depend_on_the_ranks(method: str, tmp_path: Path) -> None:
+    if method == "fem":
+        pytest.importorskip("dolfinx")
+    expected = result_of(tmp_path, ROLLERS, 30.0, method=method, steps=1)
+    out = str(tmp_path / "out")
+    done = tmc("run", str(tmp_path / "plate.toml"), "--method", method, "--steps", "1", "--out", out, "--json", ranks=2)
+    assert done.returncode == 0, done.stderr[-2000:]
+    found = json.loads(done.stdout)
+    assert (found["parallel"]["ranks"], found["steps"], found["load"]) == (2, 2, 1.5)
+    for name, values in expected.loads.items():
+        assert found["loads"][name] == pytest.approx(values, rel=1e-8, abs=1e-11)
+    assert found["energy"] == pytest.approx(expected.last.energy, rel=1e-9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -40,6 +41,31 @@ def test_a_spring_that_snaps() -> None:
     assert balance.integration_error == pytest.approx(0.0, abs=1e-15)
     assert balance.stored == pytest.approx(8.0)
     assert balance.as_dict()["jumps"][0]["load"] == 1.5
+
+
+def test_forces_and_springs_take_part() -> None:
+    """A force f = 4 load on a spring k = 2 in parallel with a body c = 2: u = load, so W = f(1) u and -k u^2 / 2.
+
+    From load 1 on the force stays, and the spring softens to nothing: the body goes to u = 2 and stores 4.
+    """
+
+    def state(load: float, u: float, f: float, k: float) -> StepRecord:
+        push, pad = {"amplitude": f, "potential": 4.0 * u}, {"amplitude": k, "potential": -(u**2), "energy": k * u**2}
+        return dataclasses.replace(record(load, u**2, 0.0), forces={"push": push, "pad": pad})
+
+    history = [state(0.5, 0.5, 0.5, 1.0), state(1.0, 1.0, 1.0, 1.0), state(2.0, 2.0, 1.0, 0.0)]
+    balance = energy_balance(history)
+    assert balance is not None
+    # steps: 4 (0.25 / 2 + 0.75 / 2 ...) of the force; the last one 4 u, less what is taken out with the spring
+    assert balance.work == pytest.approx(4.0 * (0.125 + 0.375 + 1.0) - 0.5 * (1.0 + 4.0))
+    assert balance.stored == pytest.approx(4.0)
+    assert balance.integration_error == pytest.approx(4.0 - 3.5)
+    jump = dataclasses.replace(history[1], jumped=True)
+    found = energy_balance([history[0], jump])
+    assert found is not None
+    (one,) = found.jumps
+    assert one.uncertainty == pytest.approx(0.5 * 0.5 * 2.0)
+    assert one.lost == pytest.approx(0.0)
 
 
 def test_old_runs_have_none() -> None:

@@ -60,7 +60,7 @@ SQUARE = ShapeTable(rectangle=(0.0, 0.0, 1.0, 1.0))
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: ConditionTable("a"), "give ux or uy or both; ux = 0 holds, what is left out is free"),
+        (lambda: ConditionTable("a"), "give ux, uy, normal or tangential; ux = 0 holds, what is left out is free"),
         (lambda: ConditionTable("a", ux=0.0), None),
         (lambda: ConditionTable("a", uy=0.0), None),
         (lambda: ConditionTable("a", 0.0, math.inf), "uy = inf must be a finite number: a displacement"),

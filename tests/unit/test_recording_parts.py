@@ -21,6 +21,7 @@ from tmc_vem.results.records import StepRecord
 from tmc_vem.results.subtriangles import SubTriangles
 from tmc_vem.simulation import simulation
 from tmc_vem.simulation.gauge import Gauge
+from tmc_vem.simulation.measured import Reading
 from tmc_vem.simulation.overlap import OverlapWatch, Refusal, _normal, _Outline
 from tmc_vem.simulation.recorder import Recorder
 from tmc_vem.solve.newton import Iteration, NewtonResult
@@ -28,10 +29,11 @@ from tmc_vem.solve.stepping import Step, StepperState
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.petsc import PETSc
 from tmc_vem.support.units import Units
-from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.constraints import Prescribed, PrescribedRotation
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Evaluation, RegionValues
 from tmc_vem.system.fields import Polygons
+from tmc_vem.system.forces import BodyForce, CavityPressure
 
 BOX = Box(cells=(20, 5))
 
@@ -101,7 +103,8 @@ def test_what_is_recorded_of_a_step() -> None:
     """Every value from where it belongs; fields and checkpoints are offered with number and coordinate."""
     said: list[Any] = []
     residual, u, position = object(), object(), object()
-    system = SimpleNamespace(reaction=lambda *given: said.append(("reaction", *given)) or -7.0)
+    reading = Reading(-0.25, -7.0, {"a": {"work": 3.0}}, (np.zeros(1), np.zeros(1)), 2.5)
+    loads = SimpleNamespace(read=lambda *given: said.append(("loads", *given)) or reading)
     newton: Any = NewtonResult(
         True, "", Evaluation(1.0, {"s": RegionValues(3.0, 0.5), "m": RegionValues(4.0, 0.25)}),
         (Iteration(1.0, 1.0, 1.0),) * 3, 2, residual,  # type: ignore[arg-type]
@@ -112,7 +115,7 @@ def test_what_is_recorded_of_a_step() -> None:
     timer: Any = lambda phase: _Nothing()  # noqa: E731
     timer.report = lambda: {"total": 1.5}
     made = recorder(
-        problem=SimpleNamespace(load=lambda: Prescribed("top", 1, -0.5)), system=system, gauge=gauge, watch=watch,
+        loads=loads, _read=None, gauge=gauge, watch=watch,
         timer=timer, directory=None, history=[], _plain_history=[], _snapshots=snapshots, _every=2,
         _seconds_before=10.0, monitor=SimpleNamespace(stepped=lambda record: said.append("stepped")),
         _write_checkpoint=lambda *given: said.append(("checkpoint", *given)), _load_force=lambda *given: 16.0,
@@ -125,12 +128,14 @@ def test_what_is_recorded_of_a_step() -> None:
         step=5, load=0.5, displacement=-0.25, probes={"gap": 0.125}, reaction=-7.0, iterations=3, cut_backs=1,
         wasted_iterations=9, min_j={"s": 0.5, "m": 0.25}, energy={"s": 3.0, "m": 4.0}, negative_pivots=2, jumped=True,
         seconds=11.5, time=0.75, parameters={"gamma": 1e-3}, load_force=16.0,
+        load_work=2.5, forces={"a": {"work": 3.0}},
     )  # fmt: skip
     assert made._plain_history[1]["step"] == 6
-    one = [("read", u, residual, (u, 1, 2)), ("reaction", residual, "top", 1)]
+    probes = ("read", u, residual, (u, 1, 2))
+    first, second = (("loads", u, residual, Control(0.5, {"gamma": 1e-3}), before) for before in (None, reading))
     assert said == [
-        *one, ("offer", 5, 0.75, u), "stepped", *one, ("offer", 6, 0.75, u), ("checkpoint", states, position),
-        "stepped",
+        first, probes, ("offer", 5, 0.75, u), "stepped", second, probes, ("offer", 6, 0.75, u),
+        ("checkpoint", states, position), "stepped",
     ]  # fmt: skip
 
 
@@ -148,13 +153,14 @@ def test_why_a_run_ended_early_stands_in_its_directory() -> None:
 def test_units_and_title_of_a_record() -> None:
     problem: Any = SimpleNamespace(
         units=lambda: Units("mm", "N"), regions=lambda: {"s": 1, "m": 2}, name="mine",
-        load=lambda: SimpleNamespace(where="top"),
+        load=lambda: Prescribed("top", 1, -1.0),
+        prescribed=lambda: [PrescribedRotation("a", (0.0, 0.0), 9.0, name="t")],
     )  # fmt: skip
     probes = {"gap": Gap("a", "b"), "push": Reaction("ux", "a"), "j": MeanJ("m")}
     made = recorder(problem=problem, gauge=SimpleNamespace(probes=probes), history=[])
     assert made._units() == {
         "displacement": "mm", "gap": "mm", "push": "N/mm", "j": "1", "reaction": "N/mm", "min_j_s": "1", "min_j_m": "1",
-        "energy_s": "N", "energy_m": "N",
+        "energy_s": "N", "energy_m": "N", "t.angle": "degrees", "t.moment": "N", "t.work": "N",
     }  # fmt: skip
     row: Any = SimpleNamespace(as_row=lambda: {"load": 1, "gap": 2, "load_force": 3})
     assert made._units(row) == made._headings(row) == {"gap": "mm", "load_force": "N"}
@@ -165,6 +171,12 @@ def test_units_and_title_of_a_record() -> None:
     assert made._title() == "mine at top displacement -0.25"
     made.history = [SimpleNamespace(gap=0.123456, displacement=-0.25)]
     assert made._title() == "mine at top displacement -0.25, gap 0.1235"
+    problem.load = lambda: BodyForce("g", ("s",), (0.0, -1.0))
+    assert made._title() == "mine at displacement -0.25, gap 0.1235"
+    problem.load = lambda: CavityPressure("p", "hole", 2.0)
+    assert made._title() == "mine at hole area -0.25, gap 0.1235"
+    problem.units = lambda: Units("mm", "N")
+    assert [made._units()[name] for name in ("displacement", "reaction")] == ["mm^2", "N/mm^2"]
 
 
 def test_cells_that_are_inverted_are_counted_once_by_region() -> None:

@@ -216,12 +216,22 @@ def test_reactions_that_do_not_balance_are_seen_in_either_direction(component: i
     forces[1], forces[2] = (-4.0, -4.0), (4.0, 4.0)
     forces[1, component] += 3.0
     residual = PETSc.Vec().createWithArray(forces.ravel().copy())
-    system = SimpleNamespace(constrained=lambda: np.array([2, 3, 4, 5]), comm=MPI.COMM_SELF)
-    imbalance = Recorder._imbalance(cast(Recorder, SimpleNamespace(system=system)), residual)
+    held = lambda vector: vector.getArray().reshape(-1, 2)[1:3]  # noqa: E731
+    system = SimpleNamespace(held_forces=held, comm=MPI.COMM_SELF, size=2.0)
+    recorder = cast(Recorder, SimpleNamespace(system=system, history=[]))
+    imbalance = Recorder._imbalance(recorder, residual, {})
     assert imbalance == pytest.approx(3.0 / 4.0)
+    axes = ("force_x", "force_y")
+    push, pull = ({name: sign * float(axes.index(name) == component) for name in axes} for sign in (5.0, -8.0))
+    measures = {"push": push, "pull": pull}  # -3 together
+    assert Recorder._imbalance(recorder, residual, measures) == 0.0
+    assert Recorder._imbalance(recorder, residual, {"push": push}) == pytest.approx(8.0 / 5.0), "relative to the force"
     forces[1, component] = -4.0
     balanced = PETSc.Vec().createWithArray(forces.ravel().copy())
-    assert Recorder._imbalance(cast(Recorder, SimpleNamespace(system=system)), balanced) == 0.0
+    assert Recorder._imbalance(recorder, balanced, {}) == 0.0
+    unloaded = SimpleNamespace(energy={"a": 2e7, "b": 2e7})  # asks for forces of 2e7 / 2.0 * 1e-6 or more
+    recorder.history = [unloaded, SimpleNamespace(energy={"a": 0.0})]  # type: ignore[list-item]
+    assert Recorder._imbalance(recorder, residual, {}) == pytest.approx(3.0 / 20.0)
 
 
 def test_both_methods_give_the_regulariser_the_same_energy(short_run: RunResult) -> None:

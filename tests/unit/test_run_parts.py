@@ -126,7 +126,7 @@ def test_the_result_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
         inputs={"i": 1}, timer=Phase(), findings=[Finding(WARNING, "c")], _order=2, _inverted={"inverted_from": 0.25},
         _facts={"inputs": {"i": 1}, "versions": {}, "n_cells": 5, "n_dofs": 6, "projection_degrees": {}, "media": ()},
         _snapshots=SimpleNamespace(directory=Path("a"), write=lambda *given: said.append(given)),
-        _imbalance=lambda r: 0.125,
+        _imbalance=lambda r, forces: 0.125,
         _between_the_points=lambda u: {"inverted_cells": {"m": 2}, "dense_min_j": {"m": -1.0}},
         _units=lambda record: {"of": record.step},
     )  # fmt: skip

@@ -53,7 +53,10 @@ BOX = Box(cells=(20, 5))
         ({"largest_step": 0.0}, "largest step = 0: use a fraction of the load, above 0 and up to 1"),
         ({"largest_step": 1.0}, None),
         ({"path": (0.5, 1.0)}, "load path 0.5 1 must begin with 0"), ({"path": ()}, "load path  must begin with 0"),
-        ({"output_loads": (1.5,)}, "output load 1.5 is not on the load path, which goes from 0 to 1"),
+        ({"output_loads": (1.5,)}, None),  # there may be a history: the problem knows
+        ({"output_loads": (-0.5,)}, "output load -0.5 is not on the load path, which goes from 0 to 1"),
+        ({"output_loads": (2.5,), "path": (0.0, 2.0)},
+         "output load 2.5 is not on the load path, which goes from 0 to 2"),
         ({"output_loads": (-0.1,), "path": (0.0, 2.0)},
          "output load -0.1 is not on the load path, which goes from 0 to 2"),
         ({"output_loads": (0.0, 1.0)}, None),
@@ -146,9 +149,11 @@ def test_the_path_of_a_run() -> None:
     path = control_path(BOX, RunOptions(path=(0.0, 1.0, 0.5), continuation=soft))
     end = {"gamma": 1e-5, "alpha_r": 1.0}
     assert path.corners == (Control(0.0, soft), Control(1.0, soft), Control(1.0, end), Control(0.5, end))
+    with pytest.raises(InputError, match=r"output load 1\.5 is not on the load path, which goes from 0 to 1"):
+        control_path(BOX, RunOptions(output_loads=(1.5,)))
     two: Any = SimpleNamespace(regions=lambda: {
         "a": medium_region(Medium(gamma=1e-4), 1.0), "b": medium_region(Medium(gamma=1e-5), 1.0), **BOX.regions(),
-    })  # fmt: skip
+    }, prescribed=list)  # fmt: skip
     with pytest.raises(InputError, match="continuation in gamma needs one value of it in the medium, got 2"):
         control_path(two, RunOptions(continuation={"gamma": 1e-3}))
     assert simulation._gamma(two) == {}

@@ -100,7 +100,7 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
     last = result.last
     if last:
         gap = {} if last.gap is None else {GAP: last.gap}
-        measured = {**gap, "reaction": last.reaction, **last.probes}  # gap and reaction first
+        measured = {**gap, "reaction": last.reaction, **last.reported}  # gap and reaction first
         rows.append(("displacement", with_unit(f"{last.displacement:g}", "displacement")))
         rows += [(name, with_unit(f"{value:.6e}", name)) for name, value in measured.items()]
         dense = result.checks.get("dense_min_j", {})

@@ -255,6 +255,12 @@ def cell_nodes(mesh: Any, n_cells: int) -> NDArray[Any]:
     return rows(geometry.dofmaps[0] if require() >= (0, 11) else geometry.dofmap, n_cells)
 
 
+def global_nodes(space: Any, nodes: Int) -> Int:
+    """Numbers over all ranks of local nodes of a space, of any shape."""
+    numbers = space.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32))
+    return np.asarray(numbers, dtype=np.int64).reshape(nodes.shape)
+
+
 def plane_cells(mesh: Any) -> tuple[Int, str]:
     """Nodes (n, 3 or 4) of the geometry of all local cells, and their kind.
 

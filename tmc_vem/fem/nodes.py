@@ -15,6 +15,7 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import is_called
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
+from tmc_vem.system.sides import Sides
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -73,6 +74,27 @@ class Nodes:
         compat.scatter_reverse(mark)
         nodes: Int = np.flatnonzero(DISPLACEMENT.nodal(mark.x.array)[: self.n_owned, 0] > 0.0)
         return nodes
+
+    def sides_along(self, where: str) -> Sides:
+        """Sides of this rank's own cells along named edges; none if the mesh has no such edges."""
+        mesh, along = self._mesh, self.sides_cn()
+        order = along.shape[1] // mesh.vertices_cv.shape[1]
+        nodes = np.stack(
+            [np.roll(along, -start, axis=1)[:, : order + 1] for start in range(0, along.shape[1], order)], axis=1
+        )
+        vertex_n = np.full(self.n_local, -1)
+        vertex_n[self.cell_nodes_ca[:, : mesh.vertices_cv.shape[1]]] = mesh.vertices_cv
+        ends = vertex_n[nodes[..., [0, -1]]]
+        pairs = np.asarray(mesh.names.edges.get(where, np.empty((0, 2), dtype=np.int64))).reshape(-1, 2)
+        key = np.array([1 + max(int(vertex_n.max(initial=0)), int(pairs.max(initial=0))), 1])
+        cells, sides = np.nonzero(np.isin(np.sort(ends, axis=-1) @ key, pairs @ key))
+        return Sides(
+            nodes_sa=compat.global_nodes(self._space, nodes[cells, sides]),
+            points_sax=self.points_nx[nodes[cells, sides]],
+            ends_se=ends[cells, sides],
+            cell_s=mesh.cell_ids[cells],
+            region_s=np.array(mesh.names.regions)[mesh.region_c[cells]],
+        )
 
     def sum_over_cells(self, values_cai: Float) -> Float:
         """Sum of element vectors (n_owned_cells, n_basis, 2) at the owned nodes (n_owned, 2), over all ranks."""

@@ -25,14 +25,16 @@ from tmc_vem.support.distributed import Comm, Mat, Vec
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constrained import Constrained
-from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.constraints import Condition, Pair
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
-from tmc_vem.system.reduction import Shares, at_named_points, in_order, reaction, step_limit
+from tmc_vem.system.reduction import Shares, at_named_points, in_order, reaction, resultant, step_limit
+from tmc_vem.system.sides import Sides
+from tmc_vem.system.unloaded import Unloaded, require_regions
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -41,7 +43,7 @@ Components = Callable[[tuple[int, ...]], NDArray[Any]]
 CELLS_AT_ONCE = 4096  # whose dense arrays are held at a time
 
 
-class FemSystem:
+class FemSystem(Unloaded):
     """Lagrange elements of order 2 or 3 for a potential of F and G; implements ``Discretisation``.
 
     Residual and tangent come from compiled forms; energies, J and the step limit from numpy at the same quadrature
@@ -64,7 +66,7 @@ class FemSystem:
         comm: Comm,
         make_mesh: Callable[[], PolygonMesh],
         regions: Mapping[str, RegionDensity],
-        prescribed: Sequence[Prescribed] = (),
+        prescribed: Sequence[Condition] = (),
         settings: FemSettings | None = None,
     ) -> None:
         self.comm = comm
@@ -89,7 +91,8 @@ class FemSystem:
         self._factors = {name: self._factors_of(number) for number, name in enumerate(self.region_names)}
         self._tangent: Mat | None = None
         self._load_nodes: Float | None = None
-        self._constrained = Constrained.of(prescribed, self.nodes.named)
+        held = Constrained.of(prescribed, self.nodes.named, self.nodes.points_nx)
+        self._constrained = held.along_x_and_y()
 
     # -- Discretisation ------------------------------------------------------------------------------------------
 
@@ -107,6 +110,11 @@ class FemSystem:
         matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
         matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         return matrix
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """What is prescribed, with the axes that it has on the mesh."""
+        return self._constrained.prescribed
 
     def constrained(self) -> NDArray[np.int32]:
         """Constrained entries owned by this rank, as positions in its part of a global vector."""
@@ -168,7 +176,31 @@ class FemSystem:
 
     def reaction(self, residual: Vec, where: str, component: int) -> float:
         """Force that holds a named point or edge set, summed over its nodes."""
-        return reaction(self.comm, residual, self.nodes.named(where), component)
+        return reaction(self.comm, residual, self.owned_nodes(where), component)
+
+    def held_forces(self, residual: Vec) -> Float:
+        """(n, 2) forces that hold this rank's nodes at which something is prescribed."""
+        return self._constrained.forces(DISPLACEMENT.nodal(residual.getArray(readonly=True)))
+
+    def resultant(self, u: Vec, residual: Vec, where: str, about: Pair) -> Float:
+        """Force and moment (3,) that hold a named point or edge set."""
+        nodes = self.owned_nodes(where)
+        return resultant(self.comm, u, residual, nodes, self.nodes.points_nx[nodes], about)
+
+    def owned_nodes(self, where: str) -> Int:
+        """Nodes at a named point or edge set that this rank owns, as positions in its part of a vector."""
+        return self.nodes.named(where)
+
+    def sides(self, where: str) -> Sides:
+        """Sides of this rank's cells along named edges."""
+        return self.nodes.sides_along(where)
+
+    def area_weights(self, regions: Sequence[str]) -> Float:
+        """(n_owned_nodes,) integrals of the basis functions over regions."""
+        require_regions(regions, self.region_names)
+        inside_c = np.isin(np.array(self.region_names)[self.mesh.region_c[: self.mesh.n_owned]], regions)
+        loads = self.points.nodal_loads(inside_c[:, None, None] * np.ones_like(self.points.X_cqx))
+        return self.nodes.sum_over_cells(loads)[:, 0]
 
     # -- beyond the solver ---------------------------------------------------------------------------------------
 

@@ -23,6 +23,7 @@ Bool = NDArray[np.bool_]
 # Singular values of the equations, relative to the root of their number, that count as zero. Coordinates differ by
 # rounding, and edges belong to a line up to a millionth of the mesh's extent.
 ZERO = 2e-6
+ALONG = "moving along"  # how a motion begins that is neither along x nor along y
 # Hinged bodies that are looked at together; of more, each is taken for held where it is hinged.
 MOST_HINGED = 200
 
@@ -48,14 +49,37 @@ class FreePart:
     components: tuple[str, ...]
 
 
-def free_parts(mesh: PolygonMesh, chosen_c: Bool, held_vi: Bool) -> list[FreePart]:
+@dataclass(frozen=True)
+class _Held:
+    """What is prescribed at which vertices; arguments are those of :func:`free_parts`."""
+
+    held_vi: Bool
+    across_m: Int | None
+    axis_mi: Float | None
+
+    def rows(self, points_vx: Float, vertices: Int, middle: Float, extent: float) -> Float:
+        """Equations (n, 3) of the displacements that are prescribed at some vertices."""
+        at_x, at_y = (vertices[self.held_vi[vertices, axis]] for axis in (0, 1))
+        rows = [_moves(points_vx[at], middle, extent)[:, axis] for axis, at in enumerate((at_x, at_y))]
+        if self.across_m is not None and self.axis_mi is not None:
+            here = np.isin(self.across_m, vertices)
+            moves = _moves(points_vx[self.across_m[here]], middle, extent)
+            rows.append(np.einsum("mi,mij->mj", self.axis_mi[here], moves))
+        return np.concatenate(rows)
+
+
+def free_parts(
+    mesh: PolygonMesh, chosen_c: Bool, held_vi: Bool, across_m: Int | None = None, axis_mi: Float | None = None
+) -> list[FreePart]:
     """Parts of the mesh, of chosen cells, whose rigid motions the prescribed components do not remove.
 
     Args:
         mesh: the whole mesh.
         chosen_c: (n_cells,) which cells.
         held_vi: (n_vertices, 2) which components are prescribed at which vertices.
+        across_m, axis_mi: (m,) vertices at which the displacement along another axis is, and (m, 2) these axes.
     """
+    held = _Held(held_vi, across_m, axis_mi)
     body_c = body_numbers(mesh, chosen_c)
     n_bodies = int(body_c.max(initial=-1)) + 1
     body_s = np.repeat(body_c, mesh.n_sides_c)
@@ -69,7 +93,7 @@ def free_parts(mesh: PolygonMesh, chosen_c: Bool, held_vi: Bool) -> list[FreePar
     for part in range(n_parts):
         members = np.flatnonzero(part_b == part)
         points = [vertex_p[first[b] : first[b + 1]] for b in members.tolist()]
-        said = _motion(mesh.points_vx, points, held_vi)
+        said = _motion(mesh.points_vx, points, held)
         if said:
             middle, extent = _frame(mesh.points_vx[np.concatenate(points)])
             cells = np.flatnonzero(np.isin(body_c, members))
@@ -98,15 +122,15 @@ def _parts(body_p: Int, vertex_p: Int, n_bodies: int) -> Int:
     return part.astype(np.int64)
 
 
-def _motion(points_vx: Float, bodies_v: list[Int], held_vi: Bool) -> tuple[str, tuple[str, ...]] | None:
+def _motion(points_vx: Float, bodies_v: list[Int], held: _Held) -> tuple[str, tuple[str, ...]] | None:
     """What a part of some bodies can do, and which components are missing; None if it is held."""
     if len(bodies_v) > MOST_HINGED:
         bodies_v = [np.unique(np.concatenate(bodies_v))]
     frames = [_frame(points_vx[vertices]) for vertices in bodies_v]
     width = 3 * len(bodies_v)
-    held = [_rows(points_vx, vertices, held_vi, *frame) for vertices, frame in zip(bodies_v, frames, strict=True)]
+    equations = [held.rows(points_vx, vertices, *frame) for vertices, frame in zip(bodies_v, frames, strict=True)]
     rows = [np.zeros((0, width))]
-    for n, own in enumerate(held):
+    for n, own in enumerate(equations):
         block = np.zeros((len(own), width))
         block[:, 3 * n : 3 * n + 3] = own
         rows.append(block)
@@ -122,6 +146,10 @@ def _motion(points_vx: Float, bodies_v: list[Int], held_vi: Bool) -> tuple[str, 
     free = [axis for axis, shift in enumerate(shifts) if np.abs(system @ shift).max(initial=0.0) <= limit]
     said = " and ".join("xy"[axis] for axis in free)
     said = f"moving in {said}" if free else ""
+    along = [mode for mode in null[:1] if not free and len(bodies_v) == 1 and abs(mode[2]) <= limit]
+    if along and len(null) == 1:
+        x, y = (along[0][:2] / np.hypot(*along[0][:2]) * (np.sign(along[0][0]) or 1.0)).tolist()
+        return f"{ALONG} ({x:.4g}, {y:.4g})", ()
     if len(null) > len(free):
         said += f"{' and ' if said else ''}turning"
         if not free and len(bodies_v) == 1:
@@ -136,12 +164,6 @@ def _frame(points: Float) -> tuple[Float, float]:
     """Middle and half extent of points."""
     low, high = points.min(axis=0), points.max(axis=0)
     return 0.5 * (low + high), 0.5 * float((high - low).max())
-
-
-def _rows(points_vx: Float, vertices: Int, held_vi: Bool, middle: Float, extent: float) -> Float:
-    """Equations (n, 3) of the components that are prescribed at some vertices."""
-    at_x, at_y = (vertices[held_vi[vertices, axis]] for axis in (0, 1))
-    return np.concatenate([_moves(points_vx[at], middle, extent)[:, axis] for axis, at in enumerate((at_x, at_y))])
 
 
 def _moves(points: Float, middle: Float, extent: float) -> Float:

@@ -16,8 +16,10 @@ from tmc_vem.problems.probes import Probe
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
 from tmc_vem.support.validation import require_choice
-from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.constraints import Condition
+from tmc_vem.system.forces import Force
 from tmc_vem.system.graded import Graded
+from tmc_vem.system.stage import Stage
 
 HOLDS = ("medium",)
 
@@ -111,7 +113,11 @@ def medium_region(
 
 
 class Problem(Protocol):
-    """A boundary value problem: everything but the discretisation and the solver."""
+    """A boundary value problem: everything but the discretisation and the solver.
+
+    One whose supports change over the run has a method ``stages() -> Sequence[Stage]``, see :func:`stages_of`. One with
+    forces or springs has a method ``forces() -> Sequence[Force]`` besides, see :func:`forces_of`.
+    """
 
     @property
     def name(self) -> str:
@@ -127,7 +133,7 @@ class Problem(Protocol):
     def regions(self) -> Mapping[str, RegionEnergy]:
         """Energy of every region of the mesh."""
 
-    def prescribed(self) -> Sequence[Prescribed]:
+    def prescribed(self) -> Sequence[Condition]:
         """Supports and loads."""
 
     def probes(self) -> Mapping[str, Probe]:
@@ -136,8 +142,9 @@ class Problem(Protocol):
     def units(self) -> Units:
         """Units of its lengths and forces, ``Units()`` if it has none in particular."""
 
-    def load(self) -> Prescribed:
-        """The condition that carries the load; its displacement and reaction are reported."""
+    def load(self) -> Condition | Force:
+        """The load that is reported first, with its displacement and reaction; see :mod:`tmc_vem.simulation.measured`
+        for what these are if it is none of a displacement. Loads with names are reported by name as well."""
 
     def inputs(self) -> dict[str, Any]:
         """All parameters as plain values for result files."""
@@ -146,3 +153,15 @@ class Problem(Protocol):
 def media_of(problem: Problem) -> list[str]:
     """Names of the regions that are third medium."""
     return [name for name, region in problem.regions().items() if region.is_medium]
+
+
+def stages_of(problem: Problem) -> tuple[Stage, ...]:
+    """Stages of a problem that has a method ``stages()``; none of one that says nothing of any."""
+    method = getattr(problem, "stages", None)
+    return () if method is None else tuple(method())
+
+
+def forces_of(problem: Problem) -> tuple[Force, ...]:
+    """Forces and springs of a problem; none of one that says nothing of any."""
+    method = getattr(problem, "forces", None)
+    return () if method is None else tuple(method())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +13,7 @@ from tmc_vem.mesh.make.far import near
 from tmc_vem.mesh.make.shapes import HUGE, Shape, disc, polygon, rectangle
 from tmc_vem.problems.base import check_hold
 from tmc_vem.problems.graded import PLACE
+from tmc_vem.problems.load_tables import LoadTable, SpringTable
 from tmc_vem.problems.materials import Material, Medium, chosen_weight
 from tmc_vem.problems.probes import GAP, Displacement, Gap, MeanJ, Place, Position, Probe, Reaction, check_name
 from tmc_vem.support.errors import InputError
@@ -27,7 +28,16 @@ from tmc_vem.support.validation import (
     require_within,
     shown,
 )
-from tmc_vem.system.constraints import COMPONENTS
+from tmc_vem.system.constraints import (
+    ACROSS,
+    COMPONENTS,
+    PROPORTIONAL,
+    Amplitude,
+    Condition,
+    Prescribed,
+    PrescribedAcross,
+)
+from tmc_vem.system.stage import Stage, check_stages
 
 XY = tuple[float, float]
 CELLS = ("voronoi", "triangles", "quadrilaterals")
@@ -274,18 +284,59 @@ class ConditionTable:
     Attributes:
         at: name of the point or edges.
         ux, uy: components; one that is left out is free.
+        normal, tangential: displacement across a straight edge of any direction, or along it; 0 of the first is a
+            roller on an incline.
+        stage: names of the stages of the run in which it holds; all by default.
     """
 
     at: str
     ux: float | None = None
     uy: float | None = None
+    normal: float | None = None
+    tangential: float | None = None
+    stage: str | tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
-        if self.ux is None and self.uy is None:
-            raise InputError("give ux or uy or both; ux = 0 holds, what is left out is free")
+        given = [name for name in (*COMPONENTS, *ACROSS) if getattr(self, name) is not None]
+        if not given:
+            raise InputError("give ux, uy, normal or tangential; ux = 0 holds, what is left out is free")
+        for name in given:
+            require_finite(name, getattr(self, name), "a displacement")
         for name in COMPONENTS:
-            if getattr(self, name) is not None:
-                require_finite(name, getattr(self, name), "a displacement")
+            if name in given and any(other in given for other in ACROSS):
+                raise InputError(
+                    f"{name} and {given[-1]} do not go together: give what is held along x and y, or across and along "
+                    "the edge"
+                )
+
+        for name in given if self.stage is not None else ():
+            if name in ACROSS or getattr(self, name):
+                raise InputError(
+                    f"{name} = {getattr(self, name):g} does not go with stage: a support of some stages holds the "
+                    "displacement reached when it begins, ux = 0 or uy = 0"
+                )
+        if self.stage == ():
+            raise InputError("stage: there is none; leave it out for a support that holds always")
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """Names of the stages in which it holds; none for all."""
+        return (self.stage,) if isinstance(self.stage, str) else self.stage or ()
+
+    def conditions(self, amplitude: Amplitude = PROPORTIONAL) -> list[Condition]:
+        """What it prescribes.
+
+        Args:
+            amplitude: how displacements other than 0 grow.
+        """
+        values = {name: getattr(self, name) for name in (*COMPONENTS, *ACROSS)}
+        return [
+            Prescribed(self.at, COMPONENTS[name], value, amplitude, stages=self.stages)
+            if name in COMPONENTS
+            else PrescribedAcross(self.at, name, value, amplitude)
+            for name, value in values.items()
+            if value is not None
+        ]
 
 
 @dataclass(frozen=True)
@@ -342,7 +393,7 @@ class ProbeTable:
         return Reaction(str(self.reaction), self.at)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ProblemTable:
     """A problem file as a whole.
 
@@ -350,7 +401,7 @@ class ProblemTable:
         name: of the problem, for titles and tables.
         regions: by name.
         support: where displacements are prescribed.
-        load: the one displacement component that is reported with its reaction.
+        load: what acts: one load, whose displacement and reaction are reported, or several, each by its name.
         mesh: how the mesh is made.
         shapes: by name.
         points: names for nodes on outlines, by their coordinates.
@@ -358,13 +409,15 @@ class ProblemTable:
         gap: two points whose distance is reported; short for a probe of that name.
         probes: what else is measured at every load step, by name.
         units: of length and force; any consistent set by default.
+        spring: what holds points or edges elastically.
+        stage: parts of the run in which other supports hold.
         solve: method and steps, as in :class:`tmc_vem.simulation.options.RunOptions`.
     """
 
     name: str
     regions: Mapping[str, RegionTable]
-    support: tuple[ConditionTable, ...]
-    load: ConditionTable
+    support: tuple[ConditionTable, ...] = ()
+    load: LoadTable | tuple[LoadTable, ...] | ConditionTable
     mesh: MeshTable
     shapes: Mapping[str, ShapeTable] = field(default_factory=dict)
     points: Mapping[str, XY] = field(default_factory=dict)
@@ -372,11 +425,15 @@ class ProblemTable:
     gap: tuple[Place, Place] | None = None
     probes: Mapping[str, ProbeTable] = field(default_factory=dict)
     units: Units = field(default_factory=Units)
+    spring: tuple[SpringTable, ...] = ()
+    stage: tuple[Stage, ...] = ()
     solve: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if (self.load.ux is None) == (self.load.uy is None):
-            raise InputError("load: give one of ux and uy; further components belong to [[support]]")
+        self._check_loads()
+        check_stages(self.stage)
+        for n, support in enumerate(self.support, start=1):
+            require_stages(support.stages, self.stage, n)
         if self.gap is not None and GAP in self.probes:
             raise InputError(f"probes: {GAP}: there is a gap at the top of the file already; leave out one of them")
         for name in self.probes:
@@ -399,3 +456,62 @@ class ProblemTable:
                 require_known(
                     region.cell_data(number), (*PLACE, number), f"regions: {name}: graded: {number}: a formula"
                 )
+
+    @property
+    def loads(self) -> tuple[LoadTable, ...]:
+        """All loads."""
+        if isinstance(self.load, ConditionTable):
+            return (LoadTable(self.load.at, self.load.ux, self.load.uy, self.load.normal, self.load.tangential),)
+        return (self.load,) if isinstance(self.load, LoadTable) else self.load
+
+    @property
+    def names_of_loads(self) -> tuple[str, ...]:
+        """Names that loads are reported by; the only one, if it is a displacement component, needs none."""
+        if len(self.loads) == 1 and not self.spring and self.loads[0].kind in COMPONENTS:
+            return ("",)
+        return tuple(table.name or f"load_{n}" for n, table in enumerate(self.loads, start=1))
+
+    @property
+    def names_of_springs(self) -> tuple[str, ...]:
+        """Names that springs are reported by."""
+        return tuple(table.name or f"spring_{n}" for n, table in enumerate(self.spring, start=1))
+
+    def _check_loads(self) -> None:
+        if isinstance(self.load, ConditionTable) and (self.load.ux is None) == (self.load.uy is None):
+            raise InputError("load: give one of ux and uy; further components belong to [[support]]")
+        if not self.loads:
+            raise InputError("load: there is none")
+        if isinstance(self.load, tuple):
+            for n, table in enumerate(self.load, start=1):
+                try:
+                    table.require_something()
+                except InputError as error:
+                    raise InputError(f"load, entry {n}: {error}") from None
+        names = [("load", name) for name in self.names_of_loads] + [("spring", name) for name in self.names_of_springs]
+        known: dict[str, str] = {}
+        for n, (kind, name) in enumerate(names):
+            number = n + 1 if kind == "load" else n + 1 - len(self.loads)
+            if name in known:
+                raise InputError(
+                    f"{kind}, entry {number}: name = {shown(name)} is that of {known[name]} already: give each a name "
+                    "of its own"
+                )
+            known[name] = f"{kind}, entry {number},"
+
+
+def require_stages(wanted: Sequence[str], stages: Sequence[Stage], number: int) -> None:
+    """Check that the stages of a support are there.
+
+    Args:
+        wanted: their names.
+        stages: those of the run.
+        number: of the support, from 1.
+
+    Raises:
+        InputError: one is not.
+    """
+    for name in wanted:
+        try:
+            require_choice("stage", name, [stage.name for stage in stages] or ["none"])
+        except InputError as error:
+            raise InputError(f"support, entry {number}: {error}") from None

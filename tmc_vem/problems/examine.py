@@ -7,12 +7,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Problem, RegionEnergy
-from tmc_vem.problems.conditions import check_conditions, check_shared, require_cells, require_held
+from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, media_of, stages_of
+from tmc_vem.problems.conditions import check_conditions, check_forces, check_shared, require_cells, require_held
+from tmc_vem.problems.directions import on_mesh
 from tmc_vem.problems.hints import cause_at, hints, likely
 from tmc_vem.problems.probes import Gap, Place, Probe
 from tmc_vem.support.errors import InputError
-from tmc_vem.system.constraints import COMPONENTS, Prescribed
+from tmc_vem.system.constraints import COMPONENTS, Condition, Prescribed, PrescribedAcross
+from tmc_vem.system.control import Control
 
 # Ratios K / mu above which elements lock a little, and which are hardly meant: Poisson's ratio is 0.4995 and 0.4999995.
 STIFF, ABSURD = 1e3, 1e6
@@ -36,15 +38,22 @@ def examine(problem: Problem, mesh: PolygonMesh, loads: Sequence[float] = (1.0,)
     Raises:
         InputError: something can move freely, has two values at once, or is not there.
     """
-    regions, prescribed, load = problem.regions(), problem.prescribed(), problem.load()
+    regions, load, forces = problem.regions(), problem.load(), forces_of(problem)
+    prescribed = on_mesh(problem.prescribed(), mesh, media_of(problem))
     missing = [name for name in mesh.region_names if name not in regions]
     if missing:
         raise InputError(f"region '{missing[0]}' has no energy (given: {', '.join(regions)})")
     require_cells(mesh)
-    check_conditions(prescribed, load)
-    check_shared(mesh, prescribed, load)
+    check_conditions(problem.prescribed(), load, forces)
+    check_forces(mesh, forces)
+    check_shared(mesh, prescribed, load, loads)
     check_gaps(mesh, problem.probes())
-    require_held(mesh, regions, prescribed)
+    for stage in stages_of(problem) or (None,):
+        holding = [each for each in prescribed if not each.stages or (stage and stage.name in each.stages)]
+        try:
+            require_held(mesh, regions, holding, forces)
+        except InputError as error:
+            raise InputError(f"stage '{stage.name}': {error}" if stage else str(error)) from None
     return [
         *of_moduli(regions),
         *of_displacements(mesh, prescribed, loads),
@@ -60,9 +69,11 @@ def known_cause(problem: Problem, place: tuple[float, float] | None, loads: Sequ
         place: coordinates in the reference configuration; None if it is not known.
         loads: load factors that are gone to.
     """
-    cause = (
-        cause_at(hints(problem.make_mesh(), problem.regions(), problem.prescribed(), loads), place) if place else None
-    )
+    if not place:
+        return None
+    mesh = problem.make_mesh()
+    prescribed = on_mesh(problem.prescribed(), mesh, media_of(problem))
+    cause = cause_at(hints(mesh, problem.regions(), prescribed, loads), place)
     return cause.sentence if cause else None
 
 
@@ -86,22 +97,30 @@ def check_gaps(mesh: PolygonMesh, probes: Mapping[str, Probe]) -> None:
             )
 
 
-def of_displacements(mesh: PolygonMesh, prescribed: Sequence[Prescribed], loads: Sequence[float]) -> list[str]:
+def of_displacements(mesh: PolygonMesh, prescribed: Sequence[Condition], loads: Sequence[float]) -> list[str]:
     """A warning about displacements that take parts of the mesh farther apart than it is large."""
     extent = float(np.ptp(mesh.points_vx, axis=0).max())
-    factor = max((abs(load) for load in loads), default=0.0)
     for name, component in COMPONENTS.items():
-        of_axis = [condition for condition in prescribed if condition.component == component]
-        if not of_axis:
-            continue
-        far = max(of_axis, key=lambda condition: abs(condition.value))
-        apart = factor * max(abs(far.value - other.value) for other in of_axis)
-        if apart > FAR * extent:
-            return [
-                f"{name} = {factor * far.value:g} at '{far.where}' is {apart / extent:.3g} times the size of the mesh "
-                f"({extent:.4g}): bodies cannot pass through each other, so check its unit and the geometry"
-            ]
+        of_axis = [each for each in prescribed if isinstance(each, Prescribed) and each.component == component]
+        for load in loads if of_axis else ():
+            values = [condition.at(Control(load)) for condition in of_axis]
+            far = int(np.argmax(np.abs(values)))
+            apart = max(abs(values[far] - other) for other in values)
+            if apart > FAR * extent:
+                return [_far(f"{name} = {values[far]:g} at '{of_axis[far].where}'", apart, extent)]
+    for condition in prescribed:
+        if isinstance(condition, PrescribedAcross):
+            apart = max((abs(condition.at(Control(load))) for load in loads), default=0.0)
+            if apart > FAR * extent:
+                return [_far(str(condition), apart, extent)]
     return []
+
+
+def _far(said: str, apart: float, extent: float) -> str:
+    return (
+        f"{said} is {apart / extent:.3g} times the size of the mesh ({extent:.4g}): bodies cannot pass through each "
+        "other, so check its unit and the geometry"
+    )
 
 
 def of_moduli(regions: Mapping[str, RegionEnergy]) -> list[str]:

@@ -22,7 +22,8 @@ from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.rigid import without_rounding
 from tmc_vem.problems.base import RegionEnergy
 from tmc_vem.problems.conditions import held_components, vertices_at
-from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.constraints import Condition
+from tmc_vem.system.control import Control
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -83,7 +84,7 @@ class Hint:
 
 
 def hints(
-    mesh: PolygonMesh, regions: Mapping[str, RegionEnergy], prescribed: Sequence[Prescribed],
+    mesh: PolygonMesh, regions: Mapping[str, RegionEnergy], prescribed: Sequence[Condition],
     loads: Sequence[float] = (1.0,),
 ) -> list[Hint]:  # fmt: skip
     """Known causes of overlap in a problem's geometry, likely ones or not.
@@ -143,7 +144,7 @@ class _Gaps:
 class _Scene:
     mesh: PolygonMesh
     regions: Mapping[str, RegionEnergy]
-    prescribed: Sequence[Prescribed]
+    prescribed: Sequence[Condition]
     loads: tuple[float, ...]
     is_medium: Bool
 
@@ -168,17 +169,24 @@ class _Scene:
         return held_components(self.mesh, self.prescribed)
 
     @cached_property
-    def moves_bci(self) -> Float:
-        """(n_bodies, 2, 2) smallest and largest displacement at full load by body and component; 0 where free."""
+    def moves_lbci(self) -> Float:
+        """(n_loads, n_bodies, 2, 2) smallest and largest displacement by body and component at the loads; 0 where
+        free."""
         body_v = np.full(self.mesh.n_vertices, -1)
         solid = np.repeat(~self.is_medium, self.mesh.n_sides_c)
         body_v[self.mesh.cell_vertices[solid]] = np.repeat(self.body_c, self.mesh.n_sides_c)[solid]
-        moves = np.tile([np.inf, -np.inf], (int(self.body_c.max()) + 1, 2, 1))
+        moves = np.tile([np.inf, -np.inf], (len(self.loads), int(self.body_c.max()) + 1, 2, 1))
         for condition in self.prescribed:
-            body = body_v[vertices_at(self.mesh, condition.where)]
-            for b in np.unique(body[body >= 0]):
-                low, high = moves[b, condition.component]
-                moves[b, condition.component] = min(low, condition.value), max(high, condition.value)
+            vertices = vertices_at(self.mesh, condition.where)
+            body = body_v[vertices]
+            for load, load_bci in zip(self.loads, moves, strict=True):
+                along_kn = condition.along(Control(load), self.mesh.points_vx[vertices])
+                for axis, along_n in zip(condition.axes, along_kn, strict=True):
+                    for i in np.flatnonzero(axis):
+                        for b in np.unique(body[body >= 0]):
+                            shifts = along_n[body == b] * axis[i]
+                            low, high = load_bci[b, i]
+                            load_bci[b, i] = min(low, shifts.min()), max(high, shifts.max())
         return np.where(np.isfinite(moves), moves, 0.0)
 
     def closing(self, first_n: Int, second_n: Int, direction_nx: Float) -> Float:
@@ -188,12 +196,12 @@ class _Scene:
             first_n, second_n: (n,) bodies.
             direction_nx: (n, 2) unit vectors from the first to the second.
         """
-        low_a, high_a = np.moveaxis(self.moves_bci[first_n], -1, 0)
-        low_b, high_b = np.moveaxis(self.moves_bci[second_n], -1, 0)
-        most, least = high_a - low_b, low_a - high_b
-        shifts = [
-            np.maximum(load * direction_nx * most, load * direction_nx * least).sum(axis=1) for load in self.loads
-        ]
+        shifts = []
+        for moves_bci in self.moves_lbci:
+            low_a, high_a = np.moveaxis(moves_bci[first_n], -1, 0)
+            low_b, high_b = np.moveaxis(moves_bci[second_n], -1, 0)
+            most, least = high_a - low_b, low_a - high_b
+            shifts.append(np.maximum(direction_nx * most, direction_nx * least).sum(axis=1))
         closed: Float = np.max(shifts, axis=0)
         return closed
 

@@ -20,15 +20,20 @@ from tmc_vem.mesh.make.shapes import combine
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.base import RegionEnergy, medium_region, solid_region
+from tmc_vem.problems.columns import check_names
 from tmc_vem.problems.conditions import check_conditions
-from tmc_vem.problems.description import ConditionTable, EdgesTable, MediumTable, ProblemTable, RegionTable
+from tmc_vem.problems.description import EdgesTable, MediumTable, ProblemTable, RegionTable
 from tmc_vem.problems.graded import ByFormulas, OfParameters
+from tmc_vem.problems.load_tables import Load
 from tmc_vem.problems.materials import Medium
 from tmc_vem.problems.probes import GAP, Gap, Place, Probe, check_probes
 from tmc_vem.problems.regularisers import require_traceable
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
-from tmc_vem.system.constraints import COMPONENTS, Prescribed, is_called
+from tmc_vem.system.constraints import PROPORTIONAL, Amplitude, Condition, is_called
+from tmc_vem.system.forces import Force
+from tmc_vem.system.histories import RAMP
+from tmc_vem.system.stage import Stage
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -58,7 +63,8 @@ class OwnProblem:
     def __post_init__(self) -> None:
         _ = self._regions
         check_probes(self.probes(), self.prescribed(), tuple(self.table.regions))
-        check_conditions(self.prescribed(), self.load())
+        check_conditions(self.prescribed(), self.load(), self.forces())
+        check_names(self)
         if self.table.shapes:
             _ = self._outlines
 
@@ -87,10 +93,14 @@ class OwnProblem:
         for name, edges in table.edges.items():
             named_edges[name] = find_edges(mesh, name, edges)
         mesh = replace(mesh, named_edges=named_edges, validate=False)
-        for where in [condition.at for condition in (*table.support, table.load)]:
+        for where in self._places:
             if where not in mesh.named_edges and not any(is_called(name, where) for name in mesh.named_points):
                 known = ", ".join([*mesh.named_points, *mesh.named_edges]) or "none"
                 raise InputError(f"'{where}' is neither a point nor edges (there are: {known})")
+        missing = [name for load in table.loads for name in load.regions or () if name not in mesh.region_names]
+        if missing:
+            known = ", ".join(mesh.region_names)
+            raise InputError(f"load: there is no region '{missing[0]}' (there are: {known})")
         for name, probe in self.probes().items():
             for place in probe.places:
                 if isinstance(place, str) and place not in mesh.named_points:
@@ -105,9 +115,17 @@ class OwnProblem:
         """Energies of the regions."""
         return self._regions
 
-    def prescribed(self) -> Sequence[Prescribed]:
-        """Supports and load."""
-        return tuple(p for condition in (*self.table.support, self.table.load) for p in _conditions(condition))
+    def prescribed(self) -> Sequence[Condition]:
+        """Supports, and loads that are displacements."""
+        amplitude = self._usual_amplitude
+        supports = [condition for table in self.table.support for condition in table.conditions(amplitude)]
+        return (*supports, *(load for load in self._loads if isinstance(load, Condition)))
+
+    def forces(self) -> Sequence[Force]:
+        """Loads that are forces, and springs."""
+        table = self.table
+        springs = [each.spring(name) for each, name in zip(table.spring, table.names_of_springs, strict=True)]
+        return (*(load for load in self._loads if not isinstance(load, Condition)), *springs)
 
     def probes(self) -> Mapping[str, Probe]:
         """The gap, if the description has one, and the probes."""
@@ -118,9 +136,13 @@ class OwnProblem:
         """Those of the description."""
         return self.table.units
 
-    def load(self) -> Prescribed:
-        """The component that carries the load."""
-        return _conditions(self.table.load)[0]
+    def stages(self) -> Sequence[Stage]:
+        """Parts of the run in which other supports hold."""
+        return self.table.stage
+
+    def load(self) -> Load:
+        """The first load."""
+        return self._loads[0]
 
     def inputs(self) -> dict[str, Any]:
         """The whole description as plain values; a mesh file by its content too."""
@@ -143,6 +165,24 @@ class OwnProblem:
         return {"problem": self.name, **plain, **({"medium": media[0]} if media else {})}
 
     # -- parts -----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _loads(self) -> tuple[Load, ...]:
+        table = self.table
+        names = zip(table.loads, table.names_of_loads, strict=True)
+        return tuple(each.load(name, self._usual_amplitude) for each, name in names)
+
+    @property
+    def _usual_amplitude(self) -> Amplitude:
+        """Of what has no history: in proportion to the time; once there are histories, up to 1."""
+        return RAMP if any(load.history is not None for load in self.table.loads) else PROPORTIONAL
+
+    @property
+    def _places(self) -> list[str]:
+        """Names of points and edges at which something is held or acts."""
+        table = self.table
+        loads = [load.at for load in table.loads if load.at is not None]
+        return [*(support.at for support in table.support), *loads, *(spring.at for spring in table.spring)]
 
     @cached_property
     def _regions(self) -> Mapping[str, RegionEnergy]:
@@ -264,7 +304,7 @@ class OwnProblem:
 
     def _by_number(self, mesh: PolygonMesh) -> PolygonMesh:
         """The mesh with groups without a name called by their numbers where the description does so."""
-        conditions = {condition.at for condition in (*self.table.support, self.table.load)}
+        conditions = set(self._places)
         regions = {f"region_{name}": name for name in self.table.regions if name.isdigit()}
         edges = {f"curve_{name}": name for name in conditions if name.isdigit()}
         points = {f"point_{name}": name for name in conditions if name.isdigit()}
@@ -367,11 +407,6 @@ def _distance(points: Float, start: Float, end: Float) -> Float:
     t = np.clip(arm @ d / squared, 0.0, 1.0) if squared > 0.0 else np.zeros(len(points))
     distance: Float = np.hypot(*(arm - t[:, None] * d).T)
     return distance
-
-
-def _conditions(table: ConditionTable) -> list[Prescribed]:
-    values = {name: getattr(table, name) for name in COMPONENTS}
-    return [Prescribed(table.at, COMPONENTS[name], value) for name, value in values.items() if value is not None]
 
 
 def _plain(value: Any) -> Any:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import FORCE, LENGTH, NONE
 from tmc_vem.support.validation import check_fields, require_choice, require_finite, shown
-from tmc_vem.system.constraints import COMPONENTS, Prescribed
+from tmc_vem.system.constraints import COMPONENTS, Condition, Prescribed
 
 # The name of a point of the mesh, or coordinates of the reference configuration, which need not be those of a node.
 Place = str | tuple[float, float]
@@ -18,7 +18,7 @@ AXES = {"x": 0, "y": 1}
 GAP = "gap"
 # Columns of the history that are no probes, and what the names of others begin with.
 RESERVED = ("step", "load", "displacement", "reaction", "iterations", "cut_backs", "wasted_iterations",
-            "negative_pivots", "jumped", "seconds", "time", "load_force")  # fmt: skip
+            "negative_pivots", "jumped", "seconds", "time", "load_force", "load_work")  # fmt: skip
 RESERVED_STARTS = ("min_j_", "energy_", "parameter_")
 _NAME = re.compile(r"[^\W\d][\w-]*")
 
@@ -152,14 +152,14 @@ class MeanJ:
 Probe = Displacement | Position | Gap | Reaction | MeanJ
 
 
-def check_probes(probes: Mapping[str, Probe], prescribed: Sequence[Prescribed], regions: Sequence[str]) -> None:
+def check_probes(probes: Mapping[str, Probe], prescribed: Sequence[Condition], regions: Sequence[str]) -> None:
     """Check the names of probes, and that what they refer to is there, as far as that is known without a mesh.
 
     Raises:
         InputError: a name is reserved or has characters that a column should not have; a reaction is asked for where
             nothing is prescribed; a region is unknown; or 'gap', which reports go by, is no distance.
     """
-    held = {(condition.where, condition.component) for condition in prescribed}
+    held = {(condition.where, i) for condition in prescribed for i in _components(condition)}
     for name, probe in probes.items():
         check_name(name)
         if name == GAP and not isinstance(probe, Gap):
@@ -172,6 +172,11 @@ def check_probes(probes: Mapping[str, Probe], prescribed: Sequence[Prescribed], 
             )
         if isinstance(probe, MeanJ) and probe.region not in regions:
             raise InputError(f"probes: {name}: there is no region '{probe.region}' (there are: {', '.join(regions)})")
+
+
+def _components(condition: Condition) -> tuple[int, ...]:
+    """Components of the force that holds what a condition prescribes."""
+    return (condition.component,) if isinstance(condition, Prescribed) else tuple(COMPONENTS.values())
 
 
 def check_name(name: str) -> None:

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Problem, RegionEnergy
+from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, stages_of
 from tmc_vem.problems.probes import Probe, as_plain
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
-from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.constraints import Condition
+from tmc_vem.system.forces import Force
+from tmc_vem.system.stage import Stage
 
 
 @dataclass(frozen=True)
@@ -37,9 +39,17 @@ class Wrapped:
         """Regions of the problem."""
         return self.problem.regions()
 
-    def prescribed(self) -> Sequence[Prescribed]:
+    def prescribed(self) -> Sequence[Condition]:
         """Supports and loads of the problem."""
         return self.problem.prescribed()
+
+    def forces(self) -> Sequence[Force]:
+        """Forces and springs of the problem."""
+        return forces_of(self.problem)
+
+    def stages(self) -> Sequence[Stage]:
+        """Stages of the problem."""
+        return stages_of(self.problem)
 
     def probes(self) -> Mapping[str, Probe]:
         """Probes of the problem."""
@@ -49,13 +59,34 @@ class Wrapped:
         """Units of the problem."""
         return self.problem.units()
 
-    def load(self) -> Prescribed:
+    def load(self) -> Condition | Force:
         """Load of the problem."""
         return self.problem.load()
 
     def inputs(self) -> dict[str, Any]:
         """Inputs of the problem."""
         return self.problem.inputs()
+
+
+@dataclass(frozen=True)
+class Loaded(Wrapped):
+    """A problem with more forces and springs, ``Loaded(Box(), [PointForce("push", "tip", (0.0, -1.0))])``.
+
+    Attributes:
+        more: forces and springs.
+    """
+
+    more: Sequence[Force]
+
+    def forces(self) -> Sequence[Force]:
+        """Forces of the problem, and more."""
+        return (*super().forces(), *self.more)
+
+    def inputs(self) -> dict[str, Any]:
+        """Inputs of the problem, and the forces; an amplitude as it prints itself."""
+        plain = [{"kind": type(each).__name__, **vars(each), "amplitude": repr(each.amplitude)} for each in self.more]
+        inputs = self.problem.inputs()
+        return {**inputs, "forces": [*inputs.get("forces", []), *plain]}
 
 
 @dataclass(frozen=True)

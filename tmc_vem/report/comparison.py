@@ -151,7 +151,7 @@ def _summary(c: Comparison) -> list[Block]:
     for probe in tables.probes_of(finest):
         row(
             tables.with_unit(probe, finest, probe),
-            [run.probes.get(probe) if run.complete else None for run in finest.values()],
+            [run.reported.get(probe) if run.complete else None for run in finest.values()],
         )
     regions = tables.region_names_of(finest)
     row("smallest gap in contact", [run.checks.get("smallest_gap") for run in finest.values()])

@@ -46,13 +46,28 @@ def _style(n: int) -> dict[str, Any]:
 
 
 def against_load(axes: Any, runs: Runs, value: Value, what: str) -> None:
-    """Draw a value of the load steps of each run against the prescribed displacement."""
+    """Draw a value of the load steps of each run against the prescribed displacement; against the time where there are
+    several loads."""
+    timed = has_several_loads(runs)
     for n, (name, run) in enumerate(runs.items()):
-        points = [(abs(record.displacement), v) for record in run.history if (v := value(record, run)) is not None]
+        points = [
+            (record.load if timed else abs(record.displacement), v)
+            for record in run.history
+            if (v := value(record, run)) is not None
+        ]
         if points:
             axes.plot(*np.transpose(points), label=label(name), **_style(n))
-    axes.set_xlabel(label(with_unit(DISPLACEMENT, runs, "displacement")))
+    axes.set_xlabel(_abscissa(runs))
     axes.set_ylabel(label(what))
+
+
+def has_several_loads(runs: Runs) -> bool:
+    """Whether a run has loads that are reported by name: its reaction is that of one of them."""
+    return any(record.load_work is not None for run in runs.values() for record in run.history[:1])
+
+
+def _abscissa(runs: Runs) -> str:
+    return "time" if has_several_loads(runs) else label(with_unit(DISPLACEMENT, runs, "displacement"))
 
 
 def gap_and_reaction(runs: Runs) -> Any:
@@ -77,7 +92,7 @@ def probe_pictures(runs: Runs) -> list[Picture]:
         for one, name in zip(axes, some, strict=True):
             against_load(one, runs, _probe(name), with_unit(name, runs, name))
             one.set_xlabel("")
-        figure.supxlabel(label(with_unit(DISPLACEMENT, runs, "displacement")), fontsize=10)
+        figure.supxlabel(_abscissa(runs), fontsize=10)
         if len(runs) > 1:
             axes[0].legend(fontsize=8, frameon=False)
         pictures.append(picture(figure, f"probes-{first // PANELS + 1}", f"{', '.join(some)} during loading."))
@@ -85,7 +100,7 @@ def probe_pictures(runs: Runs) -> list[Picture]:
 
 
 def _probe(name: str) -> Value:
-    return lambda record, _: record.probes.get(name)
+    return lambda record, _: record.reported.get(name)
 
 
 def smallest_j(runs: Runs) -> Any:

@@ -10,14 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.problems.directions import normals_of, on_mesh
 from tmc_vem.problems.probes import Gap, Place, Probe
 from tmc_vem.report.figures import border_lines
 from tmc_vem.report.labels import label
 from tmc_vem.report.panels import WIDE
-from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.constraints import Condition, Prescribed, PrescribedRotation
+from tmc_vem.system.forces import BodyForce, CavityPressure, FollowerPressure, Force, Spring, Traction
 
 SOLIDS = ("#c9d3dc", "#aebccb", "#dcd2c4")
 MEDIUM_COLOUR = "#eaf3fb"
+ACROSS = 2  # in place of a component: held in a direction that is neither x nor y
 SUPPORT, LOAD = "#1c2024", "#c0392b"
 PROBES = ("#0b5394", "#2e7d32", "#7b1fa2", "#00838f", "#5d4037")
 
@@ -25,12 +28,16 @@ PROBES = ("#0b5394", "#2e7d32", "#7b1fa2", "#00838f", "#5d4037")
 def draw_problem(
     mesh: PolygonMesh,
     media: Collection[str],
-    prescribed: Sequence[Prescribed],
-    load: Prescribed,
+    prescribed: Sequence[Condition],
+    load: Condition | Force,
     probes: Mapping[str, Probe],
+    forces: Sequence[Force] = (),
 ) -> Any:
-    """Figure of a problem: supports as squares, or triangles where one component is free, loads as arrows, gaps as
-    lines, and other points that are measured as dots; the regions ``media`` are third medium."""
+    """Figure of a problem, whose regions ``media`` are third medium.
+
+    Supports are squares, or triangles where one component is free; loads are arrows, springs hollow squares, gaps
+    lines, and other points that are measured dots.
+    """
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -43,17 +50,23 @@ def draw_problem(
         Patch(facecolor=SOLIDS[0], edgecolor="black", label="solid"),
         Patch(facecolor=MEDIUM_COLOUR, edgecolor="0.6", label="third medium"),
     ]
+    prescribed = on_mesh(prescribed, mesh, media)
     for held, (marker, offset, where) in _supports(mesh, prescribed).items():
         axes.plot(*(where + unit * np.array(offset)).T, marker, color=SUPPORT, markersize=6, clip_on=False)
         handles.append(Line2D([], [], marker=marker, linestyle="", color=SUPPORT, markersize=6, label=held))
-    for condition in prescribed:
-        if condition.value:
-            direction = np.eye(2)[condition.component] * math.copysign(1.0, condition.value)
-            for x in _some(mesh, condition.where, 7):
-                tail = x - 1.6 * unit * direction
-                axes.annotate("", x, tail, arrowprops={"arrowstyle": "-|>", "color": LOAD, "linewidth": 1.6})
-    sizes = dict.fromkeys(f"$u_{'xy'[p.component]}$ = {p.value:g}" for p in (load, *prescribed) if p.value)
+    for arrows in (_moved(mesh, prescribed), _loaded(mesh, media, forces)):
+        for head, direction in arrows:
+            tail = head - 1.6 * unit * direction
+            axes.annotate("", head, tail, arrowprops={"arrowstyle": "-|>", "color": LOAD, "linewidth": 1.6})
+    first = [load] if isinstance(load, Condition) else []
+    sizes = dict.fromkeys(_size(each) for each in (*first, *prescribed) if each.value)
+    sizes |= dict.fromkeys(label(force.name) for force in forces if not isinstance(force, Spring))
     handles.append(Line2D([], [], marker="v", linestyle="-", color=LOAD, label=", ".join(sizes)))
+    springs = [_some(mesh, force.where, 7) for force in forces if isinstance(force, Spring)]
+    if springs:
+        style = {"marker": "s", "linestyle": "", "color": SUPPORT, "markersize": 6, "fillstyle": "none"}
+        axes.plot(*np.concatenate(springs).T, clip_on=False, **style)
+        handles.append(Line2D([], [], label="spring", **style))
     for n, (name, probe) in enumerate((name, probe) for name, probe in probes.items() if probe.places):
         style = {"marker": "o", "linestyle": "-" if isinstance(probe, Gap) else "", "color": PROBES[n % len(PROBES)]}
         axes.plot(*np.array([_place(mesh, at) for at in probe.places]).T, markersize=4, linewidth=1.2, **style)
@@ -68,17 +81,77 @@ def _place(mesh: PolygonMesh, at: Place) -> NDArray[np.float64]:
     return np.asarray(mesh.points_vx[mesh.named_points[at]] if isinstance(at, str) else at)
 
 
-def _supports(mesh: PolygonMesh, prescribed: Sequence[Prescribed]) -> dict[str, tuple[str, tuple[float, float], Any]]:
+Arrows = list[tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+
+def _size(condition: Condition) -> str:
+    """A displacement that is prescribed, for the legend."""
+    if isinstance(condition, PrescribedRotation):
+        return f"rotation by {condition.degrees:g}\N{DEGREE SIGN}"
+    axis = "xy"[condition.component] if isinstance(condition, Prescribed) else condition.direction[0]
+    return f"$u_{axis}$ = {condition.value:g}"
+
+
+def _moved(mesh: PolygonMesh, prescribed: Sequence[Condition]) -> Arrows:
+    """Heads and directions of arrows for displacements other than 0."""
+    found: Arrows = []
+    for condition in prescribed:
+        for x in _some(mesh, condition.where, 7) if condition.value else ():
+            if isinstance(condition, PrescribedRotation):
+                arm = x - np.asarray(condition.about)
+                direction = np.array([-arm[1], arm[0]])
+            else:
+                direction = np.array(condition.axes[0])
+            length = np.hypot(*direction)
+            if length > 0.0:
+                found.append((x, direction / length * math.copysign(1.0, condition.value)))
+    return found
+
+
+def _loaded(mesh: PolygonMesh, media: Collection[str], forces: Sequence[Force]) -> Arrows:
+    """Heads and directions of arrows for forces; a body force has one, in the middle of each of its regions."""
+    found: Arrows = []
+    for force in forces:
+        if isinstance(force, Spring):
+            continue
+        if isinstance(force, CavityPressure | FollowerPressure):
+            found += _pressed(mesh, media, force)
+            continue
+        vector = np.array(force.traction if isinstance(force, Traction) else force.force)
+        if isinstance(force, BodyForce):
+            numbers = [mesh.region_names.index(name) for name in force.regions]
+            cells = [list(mesh.cells())[c] for c in np.flatnonzero(np.isin(mesh.region_c, numbers))]
+            places = [np.mean([mesh.points_vx[cell].mean(axis=0) for cell in cells], axis=0)]
+        else:
+            places = list(_some(mesh, force.where, 7))
+        length = np.hypot(*vector)
+        found += [(x, vector / length) for x in places if length > 0.0]
+    return found
+
+
+def _pressed(mesh: PolygonMesh, media: Collection[str], force: CavityPressure | FollowerPressure) -> Arrows:
+    """Arrows in the middle of some edges, against the body that they bound."""
+    pairs = np.asarray(mesh.named_edges[force.where])
+    some = pairs[np.unique(np.linspace(0, len(pairs) - 1, 9).astype(int))]
+    found: Arrows = []
+    for pair in some:
+        (normal,) = normals_of(mesh, pair[None], media)
+        found.append((mesh.points_vx[pair].mean(axis=0), -math.copysign(1.0, force.pressure) * normal))
+    return found
+
+
+def _supports(mesh: PolygonMesh, prescribed: Sequence[Condition]) -> dict[str, tuple[str, tuple[float, float], Any]]:
     """Marker, its offset and places by what is fixed there; of many places, some."""
     held: dict[str, set[int]] = {}
     for condition in prescribed:
-        if not condition.value:
-            held.setdefault(condition.where, set()).add(condition.component)
+        for axis in () if condition.value else condition.axes:
+            held.setdefault(condition.where, set()).add(int(axis[0] == 0.0) if 0.0 in axis else ACROSS)
     found: dict[str, tuple[str, tuple[float, float], Any]] = {}
     for components, what, marker, offset in (
         ({0, 1}, "fixed", "s", (0.0, 0.0)),
         ({0}, "fixed in x", ">", (-0.35, 0.0)),
         ({1}, "fixed in y", "^", (0.0, -0.35)),
+        ({ACROSS}, "fixed across or along", "o", (0.0, 0.0)),
     ):
         places = [_some(mesh, where, 12) for where, fixed in held.items() if fixed == components]
         if places:

@@ -135,9 +135,13 @@ def measured(runs: Runs) -> list[Table]:
     """A table with the probes at the last converged step, if there are others than the gap."""
     names = probes_of(runs)
     rows: list[list[str | Entry]] = [
-        [with_unit(name, runs, name), *(number(run.probes.get(name)) for run in runs.values())] for name in names
+        [with_unit(name, runs, name), *(number(run.reported.get(name)) for run in runs.values())] for name in names
     ]
-    return [Table("Probes at the last converged step.", ("probe", *runs), rows)] if rows else []
+    loads = any(run.loads for run in runs.values())
+    what = "Probes and loads" if loads else "Probes"
+    return (
+        [Table(f"{what} at the last converged step.", ("quantity" if loads else "probe", *runs), rows)] if rows else []
+    )
 
 
 def energy_in_jumps(runs: Runs) -> list[Table]:
@@ -160,8 +164,8 @@ def region_names_of(runs: Runs) -> list[str]:
 
 
 def probes_of(runs: Runs) -> list[str]:
-    """Names of all probes of some runs but for the gap."""
-    return list(dict.fromkeys(name for run in runs.values() for name in run.probes if name != GAP))
+    """Names of all probes of some runs but for the gap, and of what is shown of their loads."""
+    return list(dict.fromkeys(name for run in runs.values() for name in run.reported if name != GAP))
 
 
 def with_unit(label: str, runs: Runs, column: str) -> str:

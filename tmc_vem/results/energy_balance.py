@@ -2,11 +2,14 @@
 
 Along a branch the stored energy grows by the work of the loads. Where the branch ends, the body falls to another state
 at that load: what is missing afterwards went into motion, heat or sound, of which a static computation knows nothing.
+
+A force a(load) with the work W at amplitude 1 does the work ``int a dW``. A spring stores -a W; where its stiffness a
+changes, ``int -W da`` comes in from outside.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -35,8 +38,8 @@ class EnergyBalance:
     """Stored energy at the end = work + parameters + integration_error - lost.
 
     Attributes:
-        work: of the loads, by the trapezoidal rule over the steps.
-        stored: energy at the end.
+        work: of the loads, prescribed displacements and forces, by the trapezoidal rule over the steps.
+        stored: energy at the end, of regions and springs.
         lost: in all jumps.
         parameters: energy that came in by changes of the medium's parameters, integration error of those steps
             included.
@@ -60,21 +63,42 @@ def energy_balance(history: Sequence[StepRecord]) -> EnergyBalance | None:
     """Balance over the steps of a run; None for one without steps, or written before forces were recorded."""
     if not history or any(record.load_force is None for record in history):
         return None
-    work = stored = load = force = parameters = error = 0.0
+    work = stored = load = force = parameters = error = moved = 0.0
     jumps: list[Jump] = []
-    before = history[0].parameters
+    before, forces = history[0].parameters, dict[str, Mapping[str, float]]()
     for record in history:
         assert record.load_force is not None
-        energy = sum(record.energy.values())
-        done = 0.5 * (force + record.load_force) * (record.load - load)
+        energy = sum(record.energy.values()) + sum(each.get("energy", 0.0) for each in record.forces.values())
+        by_forces = [_work(forces.get(name, {}), now) for name, now in record.forces.items() if "amplitude" in now]
+        held = 0.5 * (force + record.load_force) * (record.load - load)
+        if record.load_work is not None:  # histories have kinks, at which the work per load factor jumps
+            held = record.load_work - moved
+            moved = record.load_work
+        done = held + sum(each for each, _ in by_forces)
         surplus = energy - stored - done
         if record.parameters != before:
             parameters += surplus
         elif record.jumped:
-            jumps.append(
-                Jump(record.step, record.load, -surplus, 0.5 * abs((record.load_force - force) * (record.load - load)))
-            )
+            doubt = 0.5 * abs((record.load_force - force) * (record.load - load)) + sum(each for _, each in by_forces)
+            jumps.append(Jump(record.step, record.load, -surplus, doubt))
         else:
             error += surplus
         work, stored, load, force, before = work + done, energy, record.load, record.load_force, record.parameters
+        forces = dict(record.forces)
     return EnergyBalance(work, stored, sum(jump.lost for jump in jumps), parameters, error, tuple(jumps))
+
+
+def _work(before: Mapping[str, float], now: Mapping[str, float]) -> tuple[float, float]:
+    """Work of a force in a step, or what a change of a spring's stiffness brings in; and how far it depends on the way.
+
+    Args:
+        before, now: the force's measures; nothing before the first step, when all is in the reference state. What acts
+            there already is taken as brought up in the first step, springs as there before.
+    """
+    is_spring = "energy" in now
+    first, last = before.get("amplitude", now["amplitude"] if is_spring else 0.0), now["amplitude"]
+    start, end = before.get("potential", 0.0), now["potential"]
+    doubt = 0.5 * abs((last - first) * (end - start))
+    if is_spring:
+        return -0.5 * (start + end) * (last - first), doubt
+    return 0.5 * (first + last) * (end - start), doubt

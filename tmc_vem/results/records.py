@@ -22,6 +22,10 @@ RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fi
 TRIANGULATED = "triangulated"  # fields cut into triangles: the collection, and what their files begin with
 # groups of values in a record, and what their columns begin with
 _GROUPS = {"min_j": "min_j_", "energy": "energy_", "parameters": "parameter_"}
+OF = "."  # between a load and a quantity of it
+# What is said of a load that is shown, and not in the files alone; of springs, what has no pair.
+SHOWN = ("displacement", "reaction", "angle", "moment", "force", "area", "swept", "pressure", "work")
+SHOWN_OF_SPRINGS = ("force_x", "force_y", "energy")
 # what tells a run directory from others
 MARKS = (RESULT, BEGUN, COMMAND, CHECKPOINT)
 
@@ -45,6 +49,9 @@ class StepRecord:
         parameters: values of the medium's parameters while they are continued, by name; empty otherwise.
         load_force: work of the prescribed displacements per load factor: the sum of each reaction times its
             displacement at full load; None in old runs.
+        load_work: work of all prescribed displacements since the start; None, and no column, where there are neither
+            histories nor loads with names.
+        forces: what is reported of loads and springs by their names, see :mod:`tmc_vem.problems.columns`.
     """
 
     step: int
@@ -63,6 +70,8 @@ class StepRecord:
     time: float | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     load_force: float | None = None
+    load_work: float | None = None
+    forces: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def coordinate(self) -> float:
@@ -74,17 +83,30 @@ class StepRecord:
         """The probe that reports go by, or None."""
         return self.probes.get(GAP)
 
+    @property
+    def reported(self) -> dict[str, float]:
+        """Probes, and what is shown of loads and springs, ``<load>.<quantity>``."""
+        found = dict(self.probes)
+        for name, values in self.forces.items():
+            hidden = {"moment"} if "amplitude" in values else set()  # of forces, about the origin: in the files alone
+            shown = {*(SHOWN_OF_SPRINGS if "energy" in values else SHOWN)} - hidden
+            found |= {name + OF + quantity: value for quantity, value in values.items() if quantity in shown}
+        return found
+
     def as_row(self) -> dict[str, Any]:
-        """Flat form for history.csv, groups as ``min_j_<region>``, ``energy_<region>`` and ``parameter_<name>``.
+        """Flat form for history.csv, groups as ``min_j_<region>``, ``energy_<region>``, ``parameter_<name>`` and
+        ``<force>.<measure>``.
 
         The regions keep their order, by which the fields of a run directory are given their names.
         """
         flat: dict[str, Any] = {}
         for name, value in asdict(self).items():
-            if name not in _GROUPS:
+            if name not in (*_GROUPS, "forces") and not (name == "load_work" and value is None):
                 flat |= value if name == "probes" else {name: value}
         for name, prefix in _GROUPS.items():
             flat |= {prefix + key: value for key, value in getattr(self, name).items()}
+        for name, measures in self.forces.items():
+            flat |= {name + OF + measure: value for measure, value in measures.items()}
         return {key: "" if value is None else value for key, value in flat.items()}
 
     @staticmethod
@@ -98,13 +120,17 @@ class StepRecord:
             prefix = _GROUPS[name]
             return values({key[len(prefix) :]: value for key, value in row.items() if key.startswith(prefix)})
 
-        probes = {key: row[key] for key in row if key not in RESERVED and not key.startswith(RESERVED_STARTS)}
+        others = [key for key in row if key not in RESERVED and not key.startswith(RESERVED_STARTS)]
+        forces: dict[str, dict[str, float]] = {}
+        for key, value in values({key: row[key] for key in others if OF in key}).items():
+            name, _, measure = key.rpartition(OF)
+            forces.setdefault(name, {})[measure] = value
 
         return StepRecord(
             step=int(row["step"]),
             load=float(row["load"]),
             displacement=float(row["displacement"]),
-            probes=values(probes),
+            probes=values({key: row[key] for key in others if OF not in key}),
             reaction=float(row["reaction"]),
             iterations=int(row["iterations"]),
             cut_backs=int(row["cut_backs"]),
@@ -117,6 +143,8 @@ class StepRecord:
             time=float(row["time"]) if row.get("time") else None,
             parameters=group("parameters"),
             load_force=float(row["load_force"]) if row.get("load_force") else None,
+            load_work=float(row["load_work"]) if row.get("load_work") else None,
+            forces=forces,
         )
 
     @staticmethod
@@ -127,7 +155,9 @@ class StepRecord:
 
 
 # columns of history.csv that every run has
-COLUMNS = tuple(entry.name for entry in fields(StepRecord) if entry.name not in ("probes", *_GROUPS))
+COLUMNS = tuple(
+    entry.name for entry in fields(StepRecord) if entry.name not in ("probes", "load_work", "forces", *_GROUPS)
+)
 
 
 class Written(Protocol):

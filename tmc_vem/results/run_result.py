@@ -88,6 +88,16 @@ class RunResult:
         return self.last.probes if self.last else {}
 
     @property
+    def loads(self) -> Mapping[str, Mapping[str, float]]:
+        """What is reported of loads and springs by their names at the last converged step."""
+        return self.last.forces if self.last else {}
+
+    @property
+    def reported(self) -> Mapping[str, float]:
+        """Probes, and what is shown of loads, at the last converged step."""
+        return self.last.reported if self.last else {}
+
+    @property
     def reaction(self) -> float | None:
         """Reaction at the last converged step."""
         return self.last.reaction if self.last else None
@@ -139,6 +149,7 @@ class RunResult:
             "gap": self.gap,
             "reaction": self.reaction,
             "probes": dict(self.probes),
+            **({"loads": {name: dict(values) for name, values in self.loads.items()}} if self.loads else {}),
             "min_j": dict(self.min_j),
             "energy": dict(last.energy) if last else {},
             "units": dict(self.units),

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Problem, RegionEnergy
+from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, media_of, stages_of
+from tmc_vem.problems.directions import on_mesh as resolved
 from tmc_vem.problems.graded import check_cells
 from tmc_vem.simulation.options import RunOptions
+from tmc_vem.simulation.plan import loads_of
 from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.memory import reuse_freed
-from tmc_vem.support.parallel import on_every_rank
+from tmc_vem.support.parallel import from_root, on_every_rank
+from tmc_vem.system.constraints import Condition
 from tmc_vem.system.discretisation import Discretisation
+from tmc_vem.system.inclined import with_axes
+from tmc_vem.system.loaded import with_forces
+from tmc_vem.system.stages import with_stages
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 if TYPE_CHECKING:
@@ -40,17 +47,53 @@ def discretise(
         CodegenError: an energy's kernel cannot be made.
     """
 
-    def make_mesh() -> PolygonMesh:
-        mesh = problem.make_mesh()
-        check_cells(mesh, {name: region.graded for name, region in problem.regions().items()})
-        if on_mesh is not None:
-            on_mesh(mesh)
-        return mesh
+    system = with_axes(_along_x_and_y(problem, options, comm, on_mesh))
+    system = with_forces(system, forces_of(problem), media_of(problem))
+    stages = stages_of(problem)
+    return with_stages(system, problem.prescribed(), stages, loads_of(problem, options)[-1]) if stages else system
 
+
+@dataclass
+class _Whole:
+    """The whole mesh on rank 0, until it is taken, and what is prescribed on it, which all ranks know.
+
+    Args:
+        problem: whose mesh.
+        comm: the ranks.
+        on_mesh: called with the mesh before anything else.
+    """
+
+    problem: Problem
+    comm: Comm
+    on_mesh: Callable[[PolygonMesh], object] | None
+
+    def __post_init__(self) -> None:
+        self._meshes: list[PolygonMesh] = []
+        self.prescribed = from_root(self.comm, self._make)
+
+    def take(self) -> PolygonMesh:
+        """The mesh, once, so that nothing holds it afterwards."""
+        return self._meshes.pop()
+
+    def _make(self) -> tuple[Condition, ...]:
+        mesh = self.problem.make_mesh()
+        check_cells(mesh, {name: region.graded for name, region in self.problem.regions().items()})
+        if self.on_mesh is not None:
+            self.on_mesh(mesh)
+        self._meshes.append(mesh)
+        always = [condition for condition in self.problem.prescribed() if not condition.stages]
+        return resolved(always, mesh, media_of(self.problem))
+
+
+def _along_x_and_y(
+    problem: Problem, options: RunOptions, comm: Comm, on_mesh: Callable[[PolygonMesh], object] | None
+) -> Discretisation:
+    """The system of a problem without its forces, whose vectors are along x and y."""
     if options.method == "fem":
         from tmc_vem.fem.system import FemSystem
 
-        return FemSystem(comm, make_mesh, problem.regions(), problem.prescribed(), options.fem)
+        whole = _Whole(problem, comm, on_mesh)
+        return FemSystem(comm, whole.take, problem.regions(), whole.prescribed, options.fem)
 
     from tmc_vem.mesh.spread.distribute import distribute
     from tmc_vem.vem.system import VemSystem
@@ -59,9 +102,10 @@ def discretise(
         comm, lambda: {name: _kernels(name, region, options.element) for name, region in problem.regions().items()}
     )
     costs = {name: MEDIUM_COST for name, region in problem.regions().items() if region.is_medium}
-    mesh = distribute(comm, make_mesh, costs)
+    whole = _Whole(problem, comm, on_mesh)
+    mesh = distribute(comm, whole.take, costs)
     reuse_freed()
-    return VemSystem(mesh, kernels, problem.prescribed(), options.element)
+    return VemSystem(mesh, kernels, whole.prescribed, options.element)
 
 
 def require_finite_start(system: Discretisation, problem: Problem) -> None:

@@ -106,6 +106,8 @@ class RunOptions:
         for load in self.output_loads:
             require_finite("output load", load)
             low, high = min(self.path), max(self.path)
+            if self.path == RunOptions.path:  # histories may make it longer, which the problem knows
+                high = max(high, load)
             if not low <= load <= high:
                 raise InputError(f"output load {load:g} is not on the load path, which goes from {low:g} to {high:g}")
         require_known(self.continuation, CONTINUED, "continuation")

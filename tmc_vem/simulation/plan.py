@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from tmc_vem.problems.base import Problem
+from tmc_vem.problems.base import Problem, forces_of, stages_of
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.solve.path import ControlPath
 from tmc_vem.support.errors import InputError
+from tmc_vem.system.constraints import Amplitude
 from tmc_vem.system.control import Control
+from tmc_vem.system.histories import kinks_of
 
 # How long a branch may be, in units of the load, with fields written along all of it.
 LONGEST_BRANCH = 10
@@ -25,10 +27,14 @@ def control_path(problem: Problem, options: RunOptions) -> ControlPath:
     """The path of loads and continued parameters that the options ask for.
 
     Raises:
-        InputError: a load is repeated or not usable, or the problem has no medium whose parameters could be continued.
+        InputError: a load is repeated or not usable, or the problem has no medium whose parameters could be continued;
+            or the branch is to be followed and the loads have histories.
     """
-    if not options.continuation or len(options.path) < 2:
-        return ControlPath([Control(load) for load in options.path], options.output_loads)
+    kinks, loads = times_of(problem), loads_of(problem, options)
+    if options.follow and kinks not in ((), (1.0,)):
+        raise InputError("follow does not go with a history or a stage: the load is not prescribed along the branch")
+    if not options.continuation or len(loads) < 2:
+        return ControlPath([Control(load) for load in loads], options.output_loads, kinks)
     media = [region.values for region in problem.regions().values() if region.is_medium]
     end: dict[str, float] = {}
     for name in options.continuation:
@@ -36,10 +42,44 @@ def control_path(problem: Problem, options: RunOptions) -> ControlPath:
         if len(values) != 1:
             raise InputError(f"continuation in {name} needs one value of it in the medium, got {len(values)}")
         end[name] = values.pop()
-    first, second, *rest = options.path
+    first, second, *rest = loads
     begin = {name: options.continuation[name] for name in end}
     corners = [Control(first, begin), Control(second, begin), Control(second, end), *(Control(x, end) for x in rest)]
-    return ControlPath(corners, options.output_loads)
+    return ControlPath(corners, options.output_loads, kinks)
+
+
+def loads_of(problem: Problem, options: RunOptions) -> tuple[float, ...]:
+    """The load factors to go through one after another: those of the options, or up to the last time of a history.
+
+    Raises:
+        InputError: an output load is not on the way.
+    """
+    kinks = kinks_of(amplitudes_of(problem))
+    path = (0.0, kinks[-1]) if kinks and options.path == RunOptions.path else options.path
+    stages = stages_of(problem)
+    if stages and path != (0.0, path[-1]):
+        raise InputError("path does not go with [[stage]]: stages follow each other in time, so leave the path out")
+    if stages and stages[-1].begins >= path[-1]:
+        raise InputError(
+            f"stage '{stages[-1].name}' begins at {stages[-1].begins:g}, but the run ends at {path[-1]:g}: give a load "
+            "a history that goes on"
+        )
+    for load in options.output_loads:
+        low, high = min(path), max(path)
+        if not low <= load <= high:
+            raise InputError(f"output load {load:g} is not on the load path, which goes from {low:g} to {high:g}")
+    return path
+
+
+def amplitudes_of(problem: Problem) -> list[Amplitude]:
+    """Of all that is prescribed."""
+    return [each.amplitude for each in (*problem.prescribed(), *forces_of(problem))]
+
+
+def times_of(problem: Problem) -> tuple[float, ...]:
+    """Times after 0 that are hit exactly: kinks of histories, and beginnings of stages."""
+    begins = {stage.begins for stage in stages_of(problem)} - {0.0}
+    return tuple(sorted({*kinks_of(amplitudes_of(problem)), *begins}))
 
 
 def snapshot_times(path: ControlPath, options: RunOptions) -> list[float]:

@@ -44,12 +44,26 @@ def read_problem(path: str | Path) -> tuple[OwnProblem, RunOptions]:
 
 
 def _line(text: str, message: str) -> str:
-    """Where in the file the thing is that a message is about, if clear: a quoted word, or the last key named."""
+    """Where in the file the thing is that a message is about, if clear: a quoted word, or the last key named; in one of
+    several tables, within it."""
     quoted = re.findall(r"'([^']+)'", message)[:1]
     keys = re.findall(r"(?:^|: )([\w.-]+)(?=[:=, ]| = )", message)[::-1]
+    lines = [line.split("#")[0] for line in text.splitlines()]
+    first, last = _entry(lines, message) or (0, len(lines))
     for word in [*quoted, *keys]:
         pattern = re.compile(rf"(?<![\w.-]){re.escape(word)}(?![\w-])")
-        lines = [n + 1 for n, line in enumerate(text.splitlines()) if pattern.search(line.split("#")[0])]
-        if len(lines) == 1:
-            return f" (line {lines[0]})"
-    return ""
+        found = [n + 1 for n in range(first, last) if pattern.search(lines[n])]
+        if len(found) == 1:
+            return f" (line {found[0]})"
+    return f" (line {first + 1})" if last < len(lines) or first else ""
+
+
+def _entry(lines: list[str], message: str) -> tuple[int, int] | None:
+    """First line of the table ``[[NAME]]`` that a message calls ``NAME, entry N``, and the first one of the next."""
+    for name, number in re.findall(r"(\w+), entry (\d+)", message):
+        starts = [n for n, line in enumerate(lines) if re.fullmatch(rf"\s*\[\[\s*{name}\s*\]\]\s*", line)]
+        if int(number) <= len(starts):
+            start = starts[int(number) - 1]
+            following = (n for n, line in enumerate(lines) if n > start and line.lstrip().startswith("["))
+            return start, next(following, len(lines))
+    return None

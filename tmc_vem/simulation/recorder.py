@@ -15,17 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem, media_of
+from tmc_vem.problems.columns import KINDS, named_loads, pair_of, quantities_of
 from tmc_vem.results.contact.contact import check_contact
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.energy_balance import energy_balance
 from tmc_vem.results.output import SnapshotWriter, gather_fields
 from tmc_vem.results.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of
-from tmc_vem.results.records import PICTURE, StepRecord
+from tmc_vem.results.records import OF, PICTURE, StepRecord
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import how_to_go_on
 from tmc_vem.simulation.balance import balance
 from tmc_vem.simulation.checkpoint import DURABLE, Checkpoint
 from tmc_vem.simulation.gauge import Gauge
+from tmc_vem.simulation.measured import LoadGauge, Reading
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.overlap import OverlapWatch
 from tmc_vem.simulation.provenance import versions
@@ -38,9 +40,12 @@ from tmc_vem.support.timing import Timer
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Fields
+from tmc_vem.system.forces import BodyForce
 from tmc_vem.system.layout import DISPLACEMENT
 
 Float = NDArray[np.float64]
+# Reactions below this part of the largest energy over the size of the domain are those of an unloaded body.
+UNLOADED = 1e-6
 
 
 class Recorder:
@@ -67,6 +72,8 @@ class Recorder:
     ) -> None:  # fmt: skip
         self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
         self.gauge, self.monitor, self.timer, self.watch = gauge, monitor, timer, watch
+        self.loads = LoadGauge(problem, system)
+        self._read: Reading | None = None
         self._inverted: dict[str, Any] = {}
         self.history: list[StepRecord] = []
         self._plain_history: list[dict[str, Any]] = []
@@ -89,15 +96,16 @@ class Recorder:
         """Record a converged step; called on all ranks."""
         u, residual = states.vectors[-1], step.newton.residual
         assert residual is not None  # it has converged
-        load = self.problem.load()
         regions = step.newton.evaluation.regions
         with self.timer("tables"):
+            reading = self.loads.read(u, residual, step.control, self._read)
+            self._read = reading
             record = StepRecord(
                 step=step.number,
                 load=step.load,
-                displacement=load.at(step.control),
+                displacement=reading.displacement,
                 probes=self.gauge.read(u, residual, functools.partial(self.watch.behind, u)),
-                reaction=self.system.reaction(residual, load.where, load.component),
+                reaction=reading.reaction,
                 iterations=len(step.newton.iterations),
                 cut_backs=step.cut_backs,
                 wasted_iterations=step.wasted_iterations,
@@ -109,6 +117,8 @@ class Recorder:
                 time=step.time,
                 parameters=step.control.parameters,
                 load_force=self._load_force(residual, step.control),
+                load_work=reading.work,
+                forces=reading.loads,
             )
             self._add_to_history(record)
         if self._snapshots is not None:
@@ -147,7 +157,10 @@ class Recorder:
         facts = checkpoint.facts
         _same_inputs(facts["inputs"], self.inputs)
         states = States(u)
-        for control, state_ni in zip(facts["controls"], checkpoint.values_at(self._node_labels), strict=True):
+        values = checkpoint.values_at(self._node_labels)
+        n_states = len(facts["controls"])
+        self.system.remember(facts.get("stage", 0), [kept_ni.ravel() for kept_ni in values[n_states:]])
+        for control, state_ni in zip(facts["controls"], values[:n_states], strict=True):
             u.getArray()[:] = state_ni.ravel()
             states.append(np.array(control), u)
         self.history = [StepRecord.from_plain(entry) for entry in facts["history"]]
@@ -159,9 +172,22 @@ class Recorder:
             self.directory.rewrite_history(self.history, units)
         if self._snapshots is not None:
             self._snapshots.restore(facts["snapshots"])
+        if self.history:
+            self._read = self._read_again(u)
         position = dict(facts["position"])
         position["stiffer"] = tuple(tuple(pair) for pair in position["stiffer"])
         return states, StepperState(**position)
+
+    def _read_again(self, u: Vec) -> Reading:
+        """The loads at the last state, from which work is summed on."""
+        last = self.history[-1]
+        control = Control(last.load, last.parameters)
+        self.system.set_position(control)
+        if control.parameters:
+            self.system.set_parameters(control.parameters)
+        residual = self.system.create_vector()
+        self.system.residual(u, residual)
+        return self.loads.again(u, residual, last.forces, last.load_work)
 
     def begin(self, *, locked: bool) -> None:
         """Say in the run directory what the run is; called on all ranks.
@@ -200,7 +226,8 @@ class Recorder:
         with self.timer("check"):
             residual = self.system.create_vector()
             evaluation = self.system.residual(u, residual)
-            checks: dict[str, Any] = {"imbalance": self._imbalance(residual), **self._second_gradient(u, evaluation)}
+            imbalance = self._imbalance(residual, self.history[-1].forces if self.history else {})
+            checks: dict[str, Any] = {"imbalance": imbalance, **self._second_gradient(u, evaluation)}
             checks |= {**self._between_the_points(u), **self._inverted}
             balance_of_energy = energy_balance(self.history)
             if balance_of_energy:
@@ -285,15 +312,19 @@ class Recorder:
         values = residual.getArray(readonly=True)[self.system.constrained()]
         return float(self.system.comm.allreduce(float(values @ self.system.prescribed_per_load(position))))
 
-    def _imbalance(self, residual: Vec) -> float:
-        """Resultant of all reactions, relative to the largest of them: 0 in equilibrium."""
-        values = residual.getArray(readonly=True)
-        held = self.system.constrained()
-        parts = self.system.comm.allgather((DISPLACEMENT.component(held), values[held]))
-        component = np.concatenate([part[0] for part in parts])
-        reaction = np.concatenate([part[1] for part in parts])
-        largest = float(np.abs(reaction).max(initial=0.0))
-        resultant = np.hypot(reaction[component == 0].sum(), reaction[component == 1].sum())
+    def _imbalance(self, residual: Vec, loads: Mapping[str, Mapping[str, float]]) -> float:
+        """Resultant of all reactions, forces and springs, relative to the largest of them: 0 in equilibrium.
+
+        Where all are gone at the end of a cycle, what is left is rounding: they count as at least a part of what the
+        energy on the way has asked for.
+        """
+        reaction_ni = np.concatenate(self.system.comm.allgather(self.system.held_forces(residual)))
+        acting = np.array([(each["force_x"], each["force_y"]) for each in loads.values() if "force_x" in each])
+        acting = acting.reshape(-1, 2)
+        largest = max(float(np.abs(forces).max(initial=0.0)) for forces in (reaction_ni, acting))
+        most = max((abs(sum(record.energy.values())) for record in self.history), default=0.0)
+        largest = max(largest, UNLOADED * most / self.system.size)
+        resultant = np.hypot(*(reaction_ni.sum(axis=0) + acting.sum(axis=0)))
         return float(resultant) / largest if largest else 0.0
 
     def _second_gradient(self, u: Vec, evaluation: Evaluation) -> dict[str, float]:
@@ -315,15 +346,18 @@ class Recorder:
         assert self.directory is not None
         comm, path = self.system.comm, self.directory.path
         facts: dict[str, Any] = {}
+        stage, kept = self.system.memory()
         if self._on_root:
             facts = {
+                "stage": stage,
                 "inputs": self.inputs,
                 "position": asdict(position),
                 "controls": [control.tolist() for control in states.controls],
                 "history": self._plain_history,
                 "snapshots": self._snapshots.entries if self._snapshots else [],
             }
-        mine = Checkpoint(facts, self._node_labels, np.array([_nodal(u) for u in states.vectors]))
+        nodal = [_nodal(u) for u in states.vectors] + [DISPLACEMENT.nodal(values) for values in kept]
+        mine = Checkpoint(facts, self._node_labels, np.array(nodal))
         durable = comm.bcast(time.monotonic() >= self._durable_until)
         part = None if self._on_root else f"checkpoint-part-{position.number:06d}-{comm.rank}.npz"
         checksum = on_every_rank(comm, lambda: part and mine.write_part(path, part, durable=durable))
@@ -336,8 +370,16 @@ class Recorder:
     def _units(self, record: StepRecord | None = None) -> dict[str, str]:
         """Units of the columns of the history; without a record, of those that every step will have."""
         kinds = {name: probe.kind for name, probe in self.gauge.probes.items()}
+        named = named_loads(self.problem)
+        by_name = {load.name + OF + quantity: KINDS[quantity] for load in named for quantity in quantities_of(load)}
+        first = dict(zip(("displacement", "reaction"), pair_of(self.problem.load()), strict=True))
+        kinds |= by_name | {name: KINDS[quantity] for name, quantity in first.items()}
         by_region = [f"{group}{name}" for group in ("min_j_", "energy_") for name in self.problem.regions()]
-        columns = ["displacement", *kinds, "reaction", *by_region] if record is None else record.as_row()
+        columns = (
+            ["displacement", *self.gauge.probes, "reaction", *by_region, *by_name]
+            if record is None
+            else record.as_row()
+        )
         return self.problem.units().of_columns(columns, kinds)
 
     def _headings(self, record: StepRecord) -> dict[str, str]:
@@ -349,7 +391,9 @@ class Recorder:
             return f"{self.problem.name}, undeformed"
         last = self.history[-1]
         gap = "" if last.gap is None else f", gap {last.gap:.4g}"
-        return f"{self.problem.name} at {self.problem.load().where} displacement {last.displacement:g}{gap}"
+        load = self.problem.load()
+        where = "" if isinstance(load, BodyForce) else f"{load.where} "
+        return f"{self.problem.name} at {where}{pair_of(load)[0]} {last.displacement:g}{gap}"
 
 
 @contextmanager

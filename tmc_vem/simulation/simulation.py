@@ -18,7 +18,7 @@ from tmc_vem.results.unfinished import how_to_go_on
 from tmc_vem.simulation.discretised import discretise, require_finite_start
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.options import RunOptions
-from tmc_vem.simulation.plan import control_path, order_of, run_inputs, snapshot_times
+from tmc_vem.simulation.plan import control_path, loads_of, order_of, run_inputs, snapshot_times
 from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError, TmcError
 from tmc_vem.support.parallel import from_root, on_root
@@ -113,7 +113,7 @@ def prepare(
         if out is not None:
             directory = from_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume))
         hints: list[str] = []
-        loads = (*options.path, *options.output_loads)
+        loads = (*loads_of(problem, options), *options.output_loads, *path.kinks)
         system = discretise(problem, options, comm, lambda mesh: hints.extend(examine(problem, mesh, loads)))
         hints = comm.bcast(hints)
         require_finite_start(system, problem)

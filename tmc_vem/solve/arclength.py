@@ -3,7 +3,8 @@
 H. B. Keller, Numerical solution of bifurcation and nonlinear eigenvalue problems (1977): besides r(u, lambda) = 0 a
 step fulfils t_u . (u - u0) + t_lambda (lambda - lambda0) = ds, with the branch's unit tangent t at the last state.
 Where the tangent of load control is singular, that of this system is not. Displacements count by their mean square over
-the nodes, relative to the largest prescribed one, so that the load factor and they are of one size.
+the nodes, relative to the largest prescribed one, so that the load factor and they are of one size; where none is
+prescribed and forces alone act, relative to a tenth of the domain.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from tmc_vem.system.control import Control
 DIVERGED = 1e3
 # Length of a step relative to its part along the tangent: 45 degrees. A longer one has met another part of the branch.
 STRAIGHT = 1.4
+# Displacements that count like the load factor 1 where none is prescribed, as a fraction of the domain's size.
+UNDER_FORCES = 0.1
 
 REMEDY = "Try smaller cells there, or larger alpha_r or gamma"
 
@@ -82,7 +85,7 @@ class ArcLengthStepper:
         # the largest prescribed displacement is as long as the load factor 1
         largest = float(np.abs(system.prescribed(Control(1.0))).max(initial=0.0))
         largest = max(system.comm.allgather(largest))
-        self._weight = 1.0 / (largest or system.size) ** 2
+        self._weight = 1.0 / (largest or UNDER_FORCES * system.size) ** 2
 
     def run(self, u: Vec, states: States | None = None, position: StepperState | None = None) -> SteppingResult:
         """Follow the branch.
@@ -140,6 +143,7 @@ class ArcLengthStepper:
         *,
         complete: bool = False,
     ) -> SteppingResult:
+        self.solver.system.set_position(Control(load))
         linear = (self.solver.linear_iterations, self.solver.ordering)
         return SteppingResult(load, complete, reason, wasted, cut_backs, last, *linear)
 

@@ -10,6 +10,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tmc_vem.solve.linear import DIRECT, LinearSolver
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.timing import Timer
@@ -98,7 +101,8 @@ class Imbalance:
     Attributes:
         evaluation: potential and extremes.
         residual: gradient of the potential; a vector of the solver, to be read before it evaluates another state.
-        free, all: norms of the residual at free degrees of freedom, and with the reactions.
+        free, all: norms of the residual at free degrees of freedom, and with the reactions; the latter is at least that
+            of the forces.
     """
 
     evaluation: Evaluation
@@ -132,11 +136,15 @@ class NewtonSolver:
         self._direction = self.system.create_vector()
         self._trial = self.system.create_vector()
         self._rhs = self.system.create_vector()
-        self._constrained = self.system.constrained()
         self._diagonal = self._matrix.createVecLeft()
         self._last_shift = 0.0
         self._shifted = False  # whether the matrix is the tangent plus a diagonal
         self.iterations_done = 0  # since the solver was made, whatever became of them
+
+    @property
+    def _constrained(self) -> NDArray[np.int32]:
+        """Constrained entries of this rank, which stages of a run change."""
+        return self.system.constrained()
 
     @property
     def ordering(self) -> str:
@@ -154,15 +162,19 @@ class NewtonSolver:
         return self._linear.complaint()
 
     def set_prescribed(self, u: Vec, position: Control) -> None:
-        """Write the displacements that are prescribed at a position on the path into ``u``."""
+        """Write the displacements that are prescribed at a position on the path into ``u``; forces are those there."""
+        self.system.set_position(position)
         u.getArray()[self._constrained] = self.system.prescribed(position)
 
     def predict(self, u: Vec, position: Control, out: Vec) -> bool:
         """First-order predictor: ``out = u + du`` with the tangent at ``u`` and what is prescribed at a position.
 
+        The residual is that with the forces there, so that ``du`` is what their change does as well.
+
         Returns:
             Whether the linear solve worked and J stays positive all the way (with a margin).
         """
+        self.system.set_position(position)
         increment = self._trial
         increment.set(0.0)
         increment.getArray()[self._constrained] = (
@@ -206,7 +218,7 @@ class NewtonSolver:
         while True:
             if not evaluation.admissible:
                 return NewtonResult(False, f"inadmissible state ({evaluation.worst})", evaluation, tuple(iterations))
-            residual, reference = self._norms()
+            residual, reference = self._norms(evaluation)
             reference = max(reference, least)
             before = iterations[-1].residual if iterations else math.inf
             small = residual <= self.options.residual * reference or (
@@ -272,21 +284,23 @@ class NewtonSolver:
     def evaluate(self, u: Vec) -> Imbalance:
         """Potential and residual at ``u``."""
         evaluation = self._evaluate(u)
-        return Imbalance(evaluation, self._residual, *self._norms())
+        return Imbalance(evaluation, self._residual, *self._norms(evaluation))
 
     def per_load(self, u: Vec, position: Control, out: Vec) -> tuple[bool, int | None]:
         """Change of the equilibrium state at ``u``, which belongs to a position on the path, per load factor.
 
-        Its constrained part, the derivative of what is prescribed, is exact.
+        Its constrained part, the derivative of what is prescribed, is exact. Afterwards, forces are those there.
 
         Returns:
             Whether it worked, and the negative pivots of the tangent. The change is in ``out``.
         """
+        self.system.set_position(position)
         out.set(0.0)
         out.getArray()[self._constrained] = self.system.prescribed_per_load(position)
         with self.timer("assembly"):
             self.system.jacobian(u, self._matrix)
             self.system.tangent_action(out, self._rhs)
+            self.system.add_residual_per_load(u, position, self._rhs)
         self._rhs.scale(-1.0)
         self._clear_constrained(self._rhs)
         with self.timer("linear solve"):
@@ -359,7 +373,7 @@ class NewtonSolver:
         with self.timer("assembly"):
             largest = self.system.max_step(u, self._direction)
         step = min(1.0, TO_THE_BOUNDARY * largest)
-        rounding = ENERGY_ROUNDING * abs(before.energy)
+        rounding = ENERGY_ROUNDING * before.magnitude
         u.copy(self._trial)
         while step >= SHORTEST_STEP:
             u.waxpy(step, self._direction, self._trial)
@@ -389,9 +403,10 @@ class NewtonSolver:
         with self.timer("assembly"):
             return self.system.residual(u, self._residual)
 
-    def _norms(self) -> tuple[float, float]:
-        """Norm of the residual at free entries, and of all entries (with the reactions)."""
-        reference = self._residual.norm()
+    def _norms(self, evaluation: Evaluation) -> tuple[float, float]:
+        """Norm of the residual at free entries, and of all entries (with the reactions), or of forces if that is more:
+        springs may hold a body without any reaction."""
+        reference = max(self._residual.norm(), evaluation.forces)
         self._residual.copy(self._rhs)
         self._clear_constrained(self._rhs)
         return self._rhs.norm(), reference

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 
@@ -26,12 +27,14 @@ class ControlPath:
     Args:
         corners: two or more points; all have the same parameters.
         stops: load factors that are hit exactly wherever the path passes them.
+        kinks: load factors at which what is prescribed changes its direction; those that the path passes are corners of
+            it, and nothing is extrapolated across them.
 
     Raises:
         InputError: there are too few points, two that follow each other are equal, or a value is not usable.
     """
 
-    def __init__(self, corners: Sequence[Control], stops: Sequence[float] = ()) -> None:
+    def __init__(self, corners: Sequence[Control], stops: Sequence[float] = (), kinks: Sequence[float] = ()) -> None:
         if len(corners) < 2:
             raise InputError("a load path needs two load factors or more, for example 0 1 0")
         for corner in corners:
@@ -40,6 +43,8 @@ class ControlPath:
             for name, value in corner.parameters.items():
                 if not (math.isfinite(value) and value > 0.0):
                     raise InputError(f"{name} = {value:g} on the load path must be a positive number")
+        self.kinks = tuple(sorted(kinks))
+        corners = _with_kinks(corners, self.kinks)
         self.corners = tuple(corners)
         self.names = tuple(corners[0].parameters)
         self._points_wc = np.array([self.vector(corner) for corner in corners])
@@ -97,7 +102,7 @@ class ControlPath:
         before = [Control(corner.load, {**parameters, **corner.parameters}) for corner in (*done, now)]
         stiff = {name: factor * value for name, value in parameters.items()}
         raised = [Control(load, stiff) for load in loads]
-        return ControlPath([*before, *raised, Control(loads[-1], dict(parameters))], self._loads)
+        return ControlPath([*before, *raised, Control(loads[-1], dict(parameters))], self._loads, self.kinks)
 
     def leg(self, time: float) -> int:
         """Number of the leg that starts at or before a time, from 0."""
@@ -106,6 +111,11 @@ class ControlPath:
     def next_stop(self, time: float) -> float:
         """Time of the next corner or load that must be hit."""
         return self.stops[min(int(np.searchsorted(self.stops, time + CLOSE, side="right")), len(self.stops) - 1)]
+
+    def is_kink(self, time: float) -> bool:
+        """Whether what is prescribed has a kink at a time."""
+        load = self.at(time).load
+        return any(abs(load - kink) <= CLOSE for kink in self.kinks)
 
     def start_of_leg(self, time: float) -> float:
         """Time at which the leg began that a time belongs to."""
@@ -127,6 +137,18 @@ class ControlPath:
                     if low + CLOSE < load < high - CLOSE
                 }
         return sorted(times)
+
+
+def _with_kinks(corners: Sequence[Control], kinks: Sequence[float]) -> list[Control]:
+    """The corners, with one more wherever a leg between two of the same parameters passes a kink."""
+    found = list(corners[:1])
+    for first, last in itertools.pairwise(corners):
+        low, high = sorted((first.load, last.load))
+        if first.parameters == last.parameters:
+            passed = [load for load in kinks if low + CLOSE < load < high - CLOSE]
+            found += [Control(load, first.parameters) for load in (passed if first.load < last.load else passed[::-1])]
+        found.append(last)
+    return found
 
 
 def load_path(loads: Sequence[float] = (0.0, 1.0), stops: Sequence[float] = ()) -> ControlPath:

@@ -202,6 +202,7 @@ class LoadStepper:
             states, position = self.start(u)
         for time, factor in position.stiffer:
             self.path = self.path.stiffened(time, self.soften, factor) or self.path
+        self.solver.system.set_position(self.path.at(position.time))
         trial, last, refusal = u.duplicate(), None, None
         cut_backs, done = 0, self.solver.iterations_done
         try:
@@ -238,10 +239,14 @@ class LoadStepper:
                         return replace(self._ended(position, why, last, wasted, cut_backs), refusal=refusal)
                     result = other.result
                 trial.copy(u)
+                assert result.residual is not None  # it has converged
+                self.solver.system.accept(u, result.residual, self.path.at(target))
                 states.append(self.path.vector(self.path.at(target)), u)
                 if jumped:  # there is nothing to extrapolate across a jump to another branch, nor to compare with
                     states.forget()
                     position = replace(position, far_at=0.0)
+                elif self.path.is_kink(target):  # nor across a kink of what is prescribed
+                    states.forget()
                 size = self._next_size(position, target, len(result.iterations), cut_backs > 0 and not jumped)
                 position = replace(position, time=target, size=size, number=position.number + 1)
                 wasted = self.solver.iterations_done - done - len(result.iterations)
@@ -372,8 +377,9 @@ class LoadStepper:
         return replace(position, size=size, far_at=0.0, stiffer=(*position.stiffer, (position.time, unused[0])))
 
     def _control(self, time: float) -> Control:
-        """Give the system the parameters of a time; the point of the path there."""
+        """Give the system the parameters and forces of a time; the point of the path there."""
         control = self.path.at(time)
+        self.solver.system.set_position(control)
         parameters = {**self.soften, **control.parameters}
         if parameters:
             self.solver.system.set_parameters(parameters)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems import Bodies, Box, CBox, Medium, Punch
-from tmc_vem.problems.base import Problem, media_of
+from tmc_vem.problems.base import Problem, forces_of, media_of
 from tmc_vem.report.comparison import QUANTITIES, Comparison, Method, comparison_page
 from tmc_vem.report.page import Picture, picture
 from tmc_vem.report.problem_figure import draw_meshes, draw_problem
@@ -196,7 +196,7 @@ def _pictures(study: Study) -> list[Picture]:
     shown = next(problem for level in reversed(study.levels) for problem in level.problems.values())
     finest = next(made[-1][1] for made in meshes.values() if made)
     media = media_of(shown)
-    figure = draw_problem(finest, media, shown.prescribed(), shown.load(), shown.probes())
+    figure = draw_problem(finest, media, shown.prescribed(), shown.load(), shown.probes(), forces_of(shown))
     pictures = [picture(figure, "problem", f"Problem '{shown.name}' with its supports, load and gap.")]
     same = all(len(set(map(id, level.problems.values()))) == 1 for level in study.levels)
     for method, made in list(meshes.items())[: 1 if same else None]:

@@ -104,6 +104,12 @@ class Vec(Protocol):
     def normalize(self) -> float:
         """Divide by the norm, which is returned."""
 
+    def setValues(self, indices: NDArray[Any], values: NDArray[Any], addv: object = None) -> None:
+        """Entries by numbers over all ranks, which :meth:`assemble` brings to where they belong."""
+
+    def assemble(self) -> None:
+        """Bring to other ranks what belongs there."""
+
     def destroy(self) -> object:
         """Free it."""
 
@@ -166,6 +172,9 @@ class Mat(Protocol):
     def mult(self, x: Vec, y: Vec) -> None:
         """``y`` becomes the product with ``x``."""
 
+    def ptap(self, P: Mat) -> Mat:
+        """``P^T A P`` as a new matrix."""
+
     def zeroEntries(self) -> None:
         """All values become 0, and the pattern stays."""
 
@@ -186,6 +195,9 @@ class Mat(Protocol):
 
     def copy(self, result: Mat | None = None, structure: object = None) -> Mat:
         """Copy into another matrix."""
+
+    def destroy(self) -> object:
+        """Free it."""
 
 
 class Pc(Protocol):

@@ -13,6 +13,7 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import check_fields, shown
 
 LENGTH, FORCE, ENERGY, STRESS, NONE = "length", "line force", "line energy", "stress", "number"
+AREA, ANGLE = "area", "angle"
 # of the arrays in VTU files and of the columns of the history; names that end in _ are followed by that of a region
 COORDINATES = "Points"
 FIELDS = {
@@ -24,7 +25,14 @@ FIELDS = {
     "region": NONE,
     "medium": NONE,
 }
-COLUMNS = {"displacement": LENGTH, "reaction": FORCE, "load_force": ENERGY, "energy_": ENERGY, "min_j_": NONE}
+COLUMNS = {
+    "displacement": LENGTH,
+    "reaction": FORCE,
+    "load_force": ENERGY,
+    "load_work": ENERGY,
+    "energy_": ENERGY,
+    "min_j_": NONE,
+}
 _WORD = re.compile(r"[^\[\]\"<>&\s]{1,20}")
 
 
@@ -60,6 +68,8 @@ class Units:
             FORCE: f"{self.force}/{self.length}",
             ENERGY: self.force,
             STRESS: f"{self.force}/{self.length}^2",
+            AREA: f"{self.length}^2",
+            ANGLE: "degrees",
             NONE: "1",
         }[kind]
 

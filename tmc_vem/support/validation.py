@@ -209,7 +209,12 @@ def conform(value: Any, hint: Any, name: str) -> Any:
 
 
 def _one_of(value: Any, alternatives: Sequence[Any], name: str) -> Any:
-    """The first alternative that fits; if none does, the error of the last that is not None."""
+    """The first alternative that fits; if none does, the error of the last that is not None. A table is for the first
+    dataclass among them, and a list for a tuple, if there is one: what is wrong with it is said of that."""
+    if isinstance(value, Mapping):
+        alternatives = [each for each in alternatives if dataclasses.is_dataclass(each)][:1] or alternatives
+    elif isinstance(value, list):
+        alternatives = [each for each in alternatives if typing.get_origin(each) is tuple] or alternatives
     error: InputError | None = None
     for alternative in alternatives:
         try:

@@ -6,16 +6,19 @@ A check by mypy and ``tests/unit/test_discretisation.py`` hold both to it, and w
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.support.distributed import Comm, Mat, Vec
+from tmc_vem.system.constraints import Condition, Pair
 from tmc_vem.system.control import Control
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.places import PointSource
+from tmc_vem.system.sides import Sides
+from tmc_vem.system.turned import Turned
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -34,19 +37,28 @@ class Evaluation:
     """Result of evaluating the potential at a state; equal on all ranks.
 
     Attributes:
-        energy: potential energy of all regions.
+        energy: potential: the energy of all regions and springs less the work of forces.
         regions: values by region name.
         worst: the smallest J and where it is, in words, for messages.
+        springs: energies of springs by name.
+        forces: what forces and springs contribute to the residual's norm, the larger of both.
     """
 
     energy: float
     regions: Mapping[str, RegionValues]
     worst: str = ""
+    springs: Mapping[str, float] = field(default_factory=dict)
+    forces: float = 0.0
 
     @property
     def min_j(self) -> float:
         """Smallest J at any quadrature point."""
         return min(values.min_j for values in self.regions.values())
+
+    @property
+    def magnitude(self) -> float:
+        """How large the terms are that the potential is the difference of; what is far below is rounding."""
+        return max(abs(self.energy), abs(sum(values.energy for values in self.regions.values())))
 
     @property
     def admissible(self) -> bool:
@@ -78,7 +90,8 @@ class NonlinearSystem(Protocol):
     """A discretised potential with prescribed displacements: what the solver needs.
 
     Vectors and matrices are distributed over the ranks of ``comm``. ``residual`` is the full gradient of the potential,
-    so its entries at constrained degrees of freedom are the reactions.
+    so its entries at constrained degrees of freedom are the reactions. Where a displacement across an inclined edge is
+    prescribed, the entries of vectors are across and along it (:mod:`tmc_vem.system.inclined`).
 
     Attributes:
         comm: the ranks.
@@ -94,11 +107,18 @@ class NonlinearSystem(Protocol):
     def create_matrix(self) -> Mat:
         """A new preallocated matrix for the tangent."""
 
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """What is prescribed, with the axes that it has on the mesh."""
+
     def constrained(self) -> NDArray[np.int32]:
         """Constrained degrees of freedom that this rank owns, as positions in the rank's part of a vector."""
 
     def set_parameters(self, values: Mapping[str, float]) -> None:
         """Change parameters, by name, in every energy that has them."""
+
+    def set_position(self, position: Control) -> None:
+        """From now on, the potential is that at a position on the path, where forces depend on it."""
 
     def prescribed(self, position: Control) -> Float:
         """Displacements at a position on the path, parallel to :meth:`constrained`."""
@@ -108,6 +128,14 @@ class NonlinearSystem(Protocol):
 
     def residual(self, u: Vec, out: Vec) -> Evaluation:
         """Gradient of the potential at ``u`` into ``out``, constrained entries included."""
+
+    def add_residual_per_load(self, u: Vec, position: Control, out: Vec) -> None:
+        """Add to ``out`` the derivative of the residual at ``u`` with respect to the load factor, at a position on the
+        path: that of forces which change along it."""
+
+    def accept(self, u: Vec, residual: Vec, position: Control) -> None:
+        """A step has converged to ``u``, at a position on the path: a stage may begin, in which other supports hold,
+        and the residual becomes that of it."""
 
     def energy(self, u: Vec) -> Evaluation:
         """Potential at ``u`` alone."""
@@ -155,6 +183,51 @@ class Discretisation(NonlinearSystem, PointSource, Protocol):
 
     def reaction(self, residual: Vec, where: str, component: int) -> float:
         """Force that holds a named point or edge set, summed over its nodes, equal on all ranks."""
+
+    def holding_forces(self, residual: Vec) -> Float:
+        """(n_owned_dofs,) forces of all that holds this rank's nodes: the residual, and what supports that have ended
+        have left there."""
+
+    def memory(self) -> tuple[int, list[Float]]:
+        """Number of the stage of the run, and what it has kept of the states before it: values of this rank's part of a
+        vector; nothing where there are no stages."""
+
+    def remember(self, stage: int, kept: Sequence[Float]) -> None:
+        """Go on in a stage with what :meth:`memory` has given."""
+
+    def held_forces(self, residual: Vec) -> Float:
+        """(n, 2) forces that hold this rank's nodes at which something is prescribed."""
+
+    def resultant(self, u: Vec, residual: Vec, where: str, about: Pair) -> Float:
+        """Resultant (3,) of what holds a named point or edge set: the force's components, and its moment about a point
+        in the deformed state; equal on all ranks."""
+
+    def measures(self, u: Vec, position: Control) -> dict[str, dict[str, float]]:
+        """What there is to say about every force and spring at a state and a position on the path, by its name; see
+        :mod:`tmc_vem.system.loaded`."""
+
+    # -- what forces act on
+
+    def sides(self, where: str) -> Sides:
+        """Sides of this rank's cells along named edges; none if the mesh has no edges of that name."""
+
+    def owned_nodes(self, where: str) -> Int:
+        """Nodes (n,) at a named point or edge set that this rank owns, as positions in its part of a vector.
+
+        Raises:
+            InputError: the mesh has nothing of that name.
+        """
+
+    def turned(self) -> Turned:
+        """Nodes whose degrees of freedom are displacements along axes of their own."""
+
+    def area_weights(self, regions: Sequence[str]) -> Float:
+        """(n_owned_nodes,) integrals over regions of what the displacement of each node of this rank's part of a vector
+        is multiplied with.
+
+        Raises:
+            InputError: the mesh has no region of a name.
+        """
 
     # -- nodes
 

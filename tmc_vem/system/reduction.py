@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.support.distributed import Comm, Vec
 from tmc_vem.support.errors import InputError
+from tmc_vem.system.constraints import Pair
 from tmc_vem.system.discretisation import Evaluation, RegionValues
 from tmc_vem.system.layout import DISPLACEMENT
 
@@ -84,6 +85,23 @@ def reaction(comm: Comm, residual: Vec, nodes: Int, component: int) -> float:
     """Sum over all ranks of a residual's component at nodes, numbered as in this rank's part of the vector."""
     array = DISPLACEMENT.nodal(residual.getArray(readonly=True))
     return float(comm.allreduce(float(array[nodes, component].sum())))
+
+
+def resultant(comm: Comm, u: Vec, residual: Vec, nodes: Int, points_nx: Float, about: Pair) -> Float:
+    """Resultant (3,) over all ranks of forces at nodes: components, and the moment about a point, counter-clockwise.
+
+    Args:
+        comm: the ranks; all of them call this.
+        u, residual: displacements and forces.
+        nodes: (n,) numbered as in this rank's part of the vectors.
+        points_nx: (n, 2) where they are in the reference configuration.
+        about: the point, from which arms reach to where the nodes are now.
+    """
+    force_ni, u_ni = (DISPLACEMENT.nodal(vector.getArray(readonly=True))[nodes] for vector in (residual, u))
+    x, y = (points_nx + u_ni - np.asarray(about)).T
+    moment = float(x @ force_ni[:, 1] - y @ force_ni[:, 0])
+    total: Float = np.sum(comm.allgather(np.array([*force_ni.sum(axis=0), moment])), axis=0)
+    return total
 
 
 def at_named_points(comm: Comm, names: Sequence[str], mine: Mapping[str, Float]) -> Float:

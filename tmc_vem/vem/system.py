@@ -20,13 +20,15 @@ from tmc_vem.support.memory import give_back
 from tmc_vem.support.parallel import on_every_rank
 from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constrained import Constrained
-from tmc_vem.system.constraints import Prescribed, is_called
+from tmc_vem.system.constraints import Condition, Pair, is_called
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
-from tmc_vem.system.reduction import Shares, at_named_points, reaction, step_limit
+from tmc_vem.system.reduction import Shares, at_named_points, reaction, resultant, step_limit
+from tmc_vem.system.sides import Sides
+from tmc_vem.system.unloaded import Unloaded, require_regions
 from tmc_vem.vem.blocks import CHUNK, Block, RegionKernel, make_blocks
 from tmc_vem.vem.dense import smallest_jacobians
 from tmc_vem.vem.dofmap import DofMap
@@ -34,13 +36,13 @@ from tmc_vem.vem.facets.exchange import Halo
 from tmc_vem.vem.facets.penalty import InteriorPenalty, SideTerms
 from tmc_vem.vem.insertion import CellTerms, MatrixInsertion, Terms
 from tmc_vem.vem.kernel.cells import CellValues
+from tmc_vem.vem.loads import body_load, sides_along
 from tmc_vem.vem.near_null_space import rigid_motions
 from tmc_vem.vem.pattern import parallel_matrix, serial_matrix
 from tmc_vem.vem.point_weights import locate
 from tmc_vem.vem.polygons import polygons_through_nodes
 from tmc_vem.vem.spaces.element import element_groups
 from tmc_vem.vem.spaces.element_settings import ElementSettings
-from tmc_vem.vem.spaces.tabulated import points_and_values
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -48,7 +50,7 @@ T = TypeVar("T")
 Evaluated = tuple[list[CellValues], list[tuple[SideTerms, tuple[Float, Float]]]]  # of blocks, and of sides
 
 
-class VemSystem:
+class VemSystem(Unloaded):
     """Stabilization-free virtual elements for a potential of F and G; implements ``Discretisation``.
 
     Args:
@@ -65,7 +67,7 @@ class VemSystem:
         self,
         distributed: DistributedMesh,
         kernels: Mapping[str, RegionKernel],
-        prescribed: Sequence[Prescribed] = (),
+        prescribed: Sequence[Condition] = (),
         settings: ElementSettings | None = None,
     ) -> None:
         self.comm = distributed.comm
@@ -79,7 +81,7 @@ class VemSystem:
         self._local = self.dofmap.dm.createLocalVec()
         self._work = self.dofmap.dm.createLocalVec()
         self._named_nodes = functools.cache(self._nodes_of)
-        self._constrained_local = Constrained.of(prescribed, self._named_nodes)
+        self._constrained_local = Constrained.of(prescribed, self._named_nodes, self._node_points()).along_x_and_y()
         self._constrained = self._constrained_local.renumbered(self.dofmap.owned_node_n)
         groups = element_groups(distributed.mesh, self.settings, distributed.cell_ids)
         self.blocks = on_every_rank(self.comm, lambda: make_blocks(distributed, self.dofmap, groups, kernels))
@@ -118,6 +120,11 @@ class VemSystem:
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
         matrix.setNearNullSpace(rigid_motions(self.comm, self.node_labels(), self.create_vector))
         return matrix
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """What is prescribed, with the axes that it has on the mesh."""
+        return self._constrained.prescribed
 
     def constrained(self) -> NDArray[np.int32]:
         """Constrained entries owned by this rank, as positions in its part of a global vector."""
@@ -216,8 +223,33 @@ class VemSystem:
 
     def reaction(self, residual: Vec, where: str, component: int) -> float:
         """Force that holds a named point or edge set, summed over its nodes."""
+        return reaction(self.comm, residual, self.owned_nodes(where), component)
+
+    def held_forces(self, residual: Vec) -> Float:
+        """(n, 2) forces that hold this rank's nodes at which something is prescribed."""
+        return self._constrained.forces(DISPLACEMENT.nodal(residual.getArray(readonly=True)))
+
+    def resultant(self, u: Vec, residual: Vec, where: str, about: Pair) -> Float:
+        """Force and moment (3,) that hold a named point or edge set."""
+        nodes = self._named_nodes(where)
+        points_nx = self._node_points()[nodes[self.dofmap.owned_node_n[nodes] >= 0]]
+        return resultant(self.comm, u, residual, self.owned_nodes(where), points_nx, about)
+
+    def owned_nodes(self, where: str) -> Int:
+        """Nodes at a named point or edge set that this rank owns, as positions in its part of a vector."""
         nodes = self.dofmap.owned_node_n[self._named_nodes(where)]
-        return reaction(self.comm, residual, nodes[nodes >= 0], component)
+        return nodes[nodes >= 0]
+
+    def sides(self, where: str) -> Sides:
+        """Sides of this rank's cells along named edges."""
+        return sides_along(self.distributed, self.dofmap, where)
+
+    def area_weights(self, regions: Sequence[str]) -> Float:
+        """(n_owned_nodes,) integrals of the basis functions over regions: of moments, those of the projections."""
+        require_regions(regions, self.regions)
+        vector = self.create_vector()
+        self._add(body_load(self.distributed, self.dofmap, self.blocks, regions, np.ones_like).ravel(), vector)
+        return DISPLACEMENT.nodal(vector.getArray(readonly=True))[:, 0].copy()
 
     # -- beyond the solver ------------------------------------------------------------------------------------
 
@@ -226,17 +258,7 @@ class VemSystem:
 
         Its work is ``int f . Pi0_k u``, which keeps the displacement's order k + 1.
         """
-        load = np.zeros((self.dofmap.n_nodes, 2))
-        mesh = self.distributed.mesh
-        for block in self.blocks:
-            for chosen in block.chunks():
-                points_cqx, values_cqa = points_and_values(
-                    block.polygons(mesh, chosen), self.settings.order, block.scaled_points(chosen)
-                )
-                f_cqi = force(points_cqx.reshape(-1, 2)).reshape(points_cqx.shape)
-                work_cai = np.swapaxes(values_cqa, 1, 2) @ (block.weights(chosen)[..., None] * f_cqi)
-                np.add.at(load, block.batch.nodes_ca[chosen], work_cai)
-        self._load_nodes = load
+        self._load_nodes = body_load(self.distributed, self.dofmap, self.blocks, self.regions, force)
 
     @property
     def n_cells_global(self) -> int:
@@ -261,10 +283,7 @@ class VemSystem:
 
         Coordinates and 0 for nodes on sides; a cell's centroid and 1, 2, ... for its moments.
         """
-        polygons = self.output_polygons()
-        labels = np.zeros((self.dofmap.n_nodes, 3))
-        on_sides = np.concatenate([self.dofmap.vertex_nodes, self.dofmap.edge_nodes.ravel()])
-        labels[on_sides, :2] = polygons.points_nx
+        labels = np.column_stack([self._node_points(), np.zeros(self.dofmap.n_nodes)])
         for _, cells, vertices_cv in self.distributed.mesh.cells_by_size():
             center_cx = centroids(self.distributed.mesh.points_vx[vertices_cv])
             for m, nodes in enumerate(self.dofmap.cell_moments[cells].T):
@@ -427,6 +446,13 @@ class VemSystem:
         total.destroy()
         nodes: Int = np.flatnonzero(marked)
         return nodes
+
+    def _node_points(self) -> Float:
+        """(n_nodes, 2) places of this rank's nodes on sides; 0 for moments of cells."""
+        points_nx = np.zeros((self.dofmap.n_nodes, 2))
+        on_sides = np.concatenate([self.dofmap.vertex_nodes, self.dofmap.edge_nodes.ravel()])
+        points_nx[on_sides] = self.output_polygons().points_nx
+        return points_nx
 
     def _extent(self) -> float:
         points = self.distributed.mesh.points_vx

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from tmc_vem.problems import Bodies, CBox, Punch
-from tmc_vem.problems.base import Problem, media_of
+from tmc_vem.problems.base import Problem, forces_of, media_of
 from tmc_vem.problems.cbox import angle_medium
 from tmc_vem.report import cautions, plots
 from tmc_vem.report.page import Block, Section, Table, Text, picture
@@ -86,7 +86,9 @@ class StateFigure:
         meshes = {label: problem.make_mesh() for label, problem in problems.items()}
         label, problem = next(iter(problems.items()))
         media = media_of(problem)
-        figure = draw_problem(meshes[label], media, problem.prescribed(), problem.load(), problem.probes())
+        figure = draw_problem(
+            meshes[label], media, problem.prescribed(), problem.load(), problem.probes(), forces_of(problem)
+        )
         named = [(f"{label}: {mesh.n_cells} cells", mesh) for label, mesh in meshes.items()]
         return [
             picture(figure, f"fig{self.number}-problem", "The problem with its supports, load and gap."),

@@ -1,0 +1,58 @@
+"""What a discretisation says of forces that knows of none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.support.distributed import Vec
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.control import Control
+from tmc_vem.system.turned import Turned
+
+Float = NDArray[np.float64]
+
+
+class Unloaded:
+    """Base of discretisations: :class:`tmc_vem.system.loaded.LoadedSystem` adds forces to any of them."""
+
+    def set_position(self, position: Control) -> None:
+        """Nothing here depends on the position on the path."""
+
+    def add_residual_per_load(self, u: Vec, position: Control, out: Vec) -> None:
+        """Nothing here depends on the position on the path."""
+
+    def measures(self, u: Vec, position: Control) -> dict[str, dict[str, float]]:
+        """Nothing: there are no forces."""
+        return {}
+
+    def holding_forces(self, residual: Vec) -> Float:
+        """This rank's part of the residual, in which nothing else holds."""
+        return residual.getArray(readonly=True).copy()
+
+    def accept(self, u: Vec, residual: Vec, position: Control) -> None:
+        """Nothing here depends on the states that were reached."""
+
+    def memory(self) -> tuple[int, list[Float]]:
+        """Nothing is kept of them."""
+        return 0, []
+
+    def remember(self, stage: int, kept: Sequence[Float]) -> None:
+        """Nothing is kept of them."""
+
+    def turned(self) -> Turned:
+        """None: the degrees of freedom of all nodes are displacements along x and y."""
+        return Turned()
+
+
+def require_regions(wanted: Iterable[str], known: Sequence[str]) -> None:
+    """Check that regions are there.
+
+    Raises:
+        InputError: one is not.
+    """
+    for name in wanted:
+        if name not in known:
+            raise InputError(f"the mesh has no region '{name}' (it has: {', '.join(known)})")
