@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmc_vem.problems.base import Problem, media_of
+from tmc_vem.problems.own import OwnProblem
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import how_to_go_on
@@ -19,6 +20,7 @@ from tmc_vem.simulation.discretised import discretise, require_finite_start
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.plan import control_path, order_of, run_inputs, snapshot_times
+from tmc_vem.simulation.problem_file import problem_text
 from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError, TmcError
 from tmc_vem.support.parallel import from_root, on_root
@@ -245,7 +247,8 @@ class Simulation:
 
         directory, findings = self.directory, self.recorder.findings
         if directory is not None and not self.resume:
-            on_root(self.comm, lambda: directory.start(self.command))
+            text = problem_text(self.problem, self.options) if isinstance(self.problem, OwnProblem) else None
+            on_root(self.comm, lambda: directory.start(self.command, text))
         if directory is not None and lock is not None and not lock.held:
             text = f"the file system of {directory.path} has no locks: only one run may write there"
             findings.append(Finding(WARNING, text))
