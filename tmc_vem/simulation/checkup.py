@@ -1,17 +1,18 @@
 """What there is to say about a problem before it is run: all that a run checks, and what it consists of.
 
-Nothing is compiled or solved, and PETSc is not loaded: it takes about a second. Only an energy of the user's own that
-seems to have no derivatives at F = I is compiled, to be sure.
+Nothing is compiled or solved, and PETSc is not loaded: it takes about a second. Energies of the user's own are
+compiled, as only that shows all that can be wrong with them; the run finds their kernels in the cache.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, is_dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.energy import MEDIA, REGULARISERS, energy_name
 from tmc_vem.mesh.locate import TOLERANCE, find_cells
 from tmc_vem.mesh.make.split import split_quadrilaterals
 from tmc_vem.mesh.polygon import PolygonMesh
@@ -34,13 +35,20 @@ from tmc_vem.problems.probes import Gap, check_probes
 from tmc_vem.simulation.discretised import fault_at_start
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.plan import control_path, order_of
-from tmc_vem.simulation.simulation import prepare
+from tmc_vem.simulation.simulation import arc_of, prepare, stepping_of
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import COMPONENTS
 from tmc_vem.system.places import outside
 
 Float = NDArray[np.float64]
 
+# Names of the media that the program has; solids have a material.
+KNOWN = {
+    energy_name(regulariser, damped, medium)
+    for regulariser in REGULARISERS.values()
+    for damped in (False, True)
+    for medium in MEDIA
+}
 # Cells that a gap needs across; with one, no node of the medium is inside it.
 ENOUGH = 2
 
@@ -131,13 +139,14 @@ def check(problem: Problem, options: RunOptions | None = None) -> Checkup:
     """
     options = options or RunOptions()
     control_path(problem, options)
+    _require_steps(options)
     mesh = problem.make_mesh()
     loads = (*options.path, *options.output_loads)
     cautions = examine(problem, mesh, loads)
     check_probes(problem.probes(), problem.prescribed(), tuple(problem.regions()))
     initial = _distances(problem, mesh)
     solved, inside = _elements(mesh, options)
-    if fault_at_start(problem):  # which may be none of the kernels, where derivatives cancel it
+    if _has_own_energy(problem) or fault_at_start(problem):
         prepare(problem, None, options)
     order = order_of(options)
     gaps = narrowest(mesh, problem.regions())
@@ -166,6 +175,22 @@ def check(problem: Problem, options: RunOptions | None = None) -> Checkup:
         problem=problem,
         mesh=mesh,
     )
+
+
+def _require_steps(options: RunOptions) -> None:
+    """Check what only a solver knows, which takes a moment to load: no more than is not as usual.
+
+    Raises:
+        InputError: steps or solver are not there to be had.
+    """
+    if options.steps is not None:
+        stepping_of(options)
+    if options.follow:
+        arc_of(options)
+    if options.solver != RunOptions.solver:
+        from tmc_vem.solve.linear import read_options
+
+        read_options(options.solver)
 
 
 def _elements(mesh: PolygonMesh, options: RunOptions) -> tuple[PolygonMesh, int]:
@@ -247,7 +272,17 @@ def _load(problem: Problem, mesh: PolygonMesh, options: RunOptions) -> Load:
     return Load(component, load.where, load.value, len(vertices_at(mesh, load.where)), options.path, options.steps)
 
 
+def _has_own_energy(problem: Problem) -> bool:
+    """Whether a region has an energy that is none of the program's."""
+    return any(
+        region.material is None and region.energy.name.removesuffix("_log_j") not in KNOWN
+        for region in problem.regions().values()
+    )
+
+
 def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_plain(entry) for entry in value]
-    return asdict(value) if hasattr(value, "__dataclass_fields__") else value
+    if is_dataclass(value) and not isinstance(value, type):
+        return {key: _plain(entry) for key, entry in asdict(value).items()}
+    return value
