@@ -327,9 +327,15 @@ def test_strict_counts_cautions(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert _run(["check", str(plug(tmp_path)), "--no-picture", "--strict", "--set", "mesh.size=0.1"]) == 0
 
 
-def test_a_picture_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_picture_that_cannot_be_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = str(plug(tmp_path))
-    (tmp_path / "full.png").mkdir()
+
+    def save(_: Any, path: Path, dpi: int) -> None:
+        raise IsADirectoryError(21, "Is a directory", str(path))
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", save)
     for output, message in (
         ("a.jpeg", "--output a.jpeg: a picture ends in .png, .svg, .pdf"),
         ("nowhere/a.png", "--output nowhere/a.png: there is no directory nowhere"),
