@@ -53,7 +53,7 @@ def comparison_command(path: str) -> click.Command:
     Sizes in [mesh] refine go with the size of the cells. Finite elements get triangles where the file has Voronoi
     cells. Steps, elements and output are those of the file's [solve] table. Examples:
 
-    \\b
+    \b
       tmc-vem compare {path} --mesh-size 0.1,0.07,0.05
       tmc-vem compare {path} --set load.uy=-0.1 --quick
     """

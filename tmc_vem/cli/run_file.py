@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 import click
@@ -39,8 +41,12 @@ class RunGroup(FileGroup):
         return problem_command(path)
 
 
-def problem_command(path: str) -> click.Command:
+def problem_command(path: str, changes: Mapping[str, Any] | None = None) -> click.Command:
     """Command that solves the problem in a file.
+
+    Args:
+        path: the file.
+        changes: those that are made in it already; for the record.
 
     Its callback raises:
         InputError, CodegenError: bad input.
@@ -51,6 +57,8 @@ def problem_command(path: str) -> click.Command:
         from tmc_vem.simulation.problem_file import read_problem
 
         problem, settings = read_problem(path, parse_changes(options["changes"]))
+        if changes:
+            problem = dataclasses.replace(problem, changes=changes)
         execute(problem, with_given(settings, options), options)
 
     help_text = f"""Solve the problem that {path} describes.

@@ -51,7 +51,10 @@ def read_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> 
 
 
 def problem_text(problem: OwnProblem, options: RunOptions) -> str:
-    """Problem and run options as a problem file, which may lie anywhere: files in it are named from the root."""
+    """Problem and run options as a problem file, which may lie anywhere: files in it are named from the root.
+
+    Limits on the work of one run are left out, as nothing but its length depends on them.
+    """
     table = as_table(problem.table)
     directory = problem.directory
     if "file" in table["mesh"]:
@@ -60,7 +63,7 @@ def problem_text(problem: OwnProblem, options: RunOptions) -> str:
         for place, key in ((region, "density"), (region.get("medium", {}), "regulariser")):
             if key in place:
                 place[key] = _from_root(place[key], directory)
-    solve = as_table(dataclasses.replace(options, overwrite=False))
+    solve = as_table(dataclasses.replace(options, overwrite=False, max_iterations=None, max_seconds=None))
     if "solver" in solve and Path(solve["solver"]).is_file():
         solve["solver"] = str(Path(solve["solver"]).resolve())
     return HEADER + toml_text({**table, "solve": solve} if solve else {k: v for k, v in table.items() if k != "solve"})
