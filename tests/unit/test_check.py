@@ -369,7 +369,8 @@ OWN = "def f(F, G, p, m):\n    return {}\n"
         ({"solve.continuation": {"gamma": 1e-3}, "regions.medium.medium.gamma": 1e-3}, ""),
         ({"regions.base.solid": None}, "m.sqrt(F[0][1] ** 2)"),
         ({"mesh.cells": "voronoi", "solve.method": "fem"}, ""), ({"shapes.plug.rectangle": [0.3, 0.3, 0.7, 1]}, ""),
-        ({"solve.element": {"projection": "full", "degree": 1}}, ""),
+        ({"solve.element": {"degree": 1}}, ""),
+        ({"solve.element": {"projection": "full"}, "mesh.cells": "voronoi"}, ""),
         ({"solve.follow": True, "solve.steps": 1}, ""), ({"shapes.plug.disc": [0, 0, 1]}, ""),
     ],
 )  # fmt: skip
