@@ -17,8 +17,10 @@ from helpers_plug import plug
 
 from tmc_vem import Medium, RunOptions, RunResult
 from tmc_vem.cli import compare_file
+from tmc_vem.cli.check import check_file
 from tmc_vem.cli.compare import compare_group
 from tmc_vem.cli.main import _run
+from tmc_vem.cli.sweep import sweep as sweep_command
 from tmc_vem.report import plots
 from tmc_vem.report.comparison import Comparison, Method, comparison_page
 from tmc_vem.report.page import Picture
@@ -333,6 +335,14 @@ def test_runs_of_a_sweep_are_found_again(swept: Path, capsys: pytest.CaptureFixt
     printed = capsys.readouterr()
     assert "1 runs, 1 of them done before" in printed.err
     assert json.loads(printed.out) == rows
+
+
+def test_help_says_how_values_are_written() -> None:
+    for command, form, more in ((sweep_command, "NAME=VALUE,VALUE,...", "separated by commas."),
+                                (check_file, "NAME=VALUE", "several times.")):  # fmt: skip
+        option = next(param for param in command.params if param.name == "changes")
+        assert (option.opts, option.metavar, option.multiple) == (["--set"], form, True)  # type: ignore[attr-defined]
+        assert option.help.endswith(more)  # type: ignore[attr-defined]
 
 
 # -- comparisons of problem files ------------------------------------------------------------------------------------
