@@ -18,7 +18,16 @@ PAGES = (
     "docs/guide/loads.md",
     *(
         f"docs/howto/{name}.md"
-        for name in ("fenicsx", "hanging-nodes", "own-mesh", "paraview", "probes", "restart", "solver-options")
+        for name in (
+            "check-and-sweep",
+            "fenicsx",
+            "hanging-nodes",
+            "own-mesh",
+            "paraview",
+            "probes",
+            "restart",
+            "solver-options",
+        )
     ),
 )
 BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

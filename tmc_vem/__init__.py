@@ -14,21 +14,36 @@ from tmc_vem.support.version import VERSION as __version__
 if TYPE_CHECKING:
     from tmc_vem.problems import Box, Material, Medium
     from tmc_vem.results.run_result import RunResult
+    from tmc_vem.simulation.checkup import Checkup, check
     from tmc_vem.simulation.options import RunOptions
     from tmc_vem.simulation.simulation import Simulation, prepare, run
 
 _MODULES = {
     "Box": "problems",
+    "Checkup": "simulation.checkup",
     "Material": "problems",
     "Medium": "problems",
     "RunOptions": "simulation.options",
     "RunResult": "results.run_result",
     "Simulation": "simulation.simulation",
+    "check": "simulation.checkup",
     "prepare": "simulation.simulation",
     "run": "simulation.simulation",
 }
 
-__all__ = ["Box", "Material", "Medium", "RunOptions", "RunResult", "Simulation", "__version__", "prepare", "run"]
+__all__ = [
+    "Box",
+    "Checkup",
+    "Material",
+    "Medium",
+    "RunOptions",
+    "RunResult",
+    "Simulation",
+    "__version__",
+    "check",
+    "prepare",
+    "run",
+]
 
 __getattr__ = lazily(__name__, _MODULES)
 _find_moved_modules()

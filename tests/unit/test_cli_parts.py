@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from tmc_vem.cli import batch_command, execute, progress
 from tmc_vem.cli import compare as comparing
-from tmc_vem.cli import execute, progress
 from tmc_vem.cli import main as entry
 from tmc_vem.cli import run as running
 from tmc_vem.cli.columns import plain
@@ -144,7 +144,7 @@ def test_lists_and_values_of_options() -> None:
 @pytest.fixture
 def compared(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     seen: list[Any] = []
-    monkeypatch.setattr(comparing, "_compare", lambda *what: seen.append(what))
+    monkeypatch.setattr(comparing, "compare_study", lambda *what: seen.append(what))
     return seen
 
 
@@ -198,15 +198,15 @@ def test_settings_of_a_comparison(compared: list[Any]) -> None:
 def test_commands_that_start_processes_are_refused_under_mpirun(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE"):
         monkeypatch.delenv(name, raising=False)
-    comparing.require_one_process()
+    batch_command.require_one_process()
     monkeypatch.setenv("PMI_SIZE", "1")
-    comparing.require_one_process()
+    batch_command.require_one_process()
     for name in ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE"):
         monkeypatch.setenv(name, "2")
         with pytest.raises(InputError, match="call it without mpirun, with --jobs"):
-            comparing.require_one_process()
+            batch_command.require_one_process()
     monkeypatch.setattr("sys.argv", ["/somewhere/tmc-vem", "compare", "a b"])
-    assert comparing.command_line() == "tmc-vem compare 'a b'"
+    assert batch_command.command_line() == "tmc-vem compare 'a b'"
 
 
 # -- execution and errors --------------------------------------------------------------------------------------------

@@ -49,7 +49,7 @@ def made(said: list[Any], **more: Any) -> Any:
             create_vector=lambda: None, prescribed=lambda _: np.ones(1), size=1.0, comm=MPI.COMM_SELF)),
         "recorder": SimpleNamespace(record="record", step_failed="failed", findings=[]),
         "monitor": SimpleNamespace(iterated=lambda *given: said.append(given)), "hints": ("odd", "doubtful"),
-        "directory": SimpleNamespace(path=Path("a"), start=lambda command: said.append(("start", command))),
+        "directory": SimpleNamespace(path=Path("a"), start=lambda *given: said.append(("start", *given))),
         "comm": MPI.COMM_SELF, "command": {"a": 1}, "resume": False,
     }  # fmt: skip
     return SimpleNamespace(**{**parts, **more})
@@ -77,7 +77,7 @@ def test_what_goes_along_the_path() -> None:
         assert (stepper.options, stepper.on_step) == (ArcOptions(largest=largest, first=first), "record")
 
 
-@pytest.mark.parametrize(("resume", "started"), [(False, [("start", {"a": 1})]), (True, [])])
+@pytest.mark.parametrize(("resume", "started"), [(False, [("start", {"a": 1}, None)]), (True, [])])
 @pytest.mark.parametrize("held", [True, False])
 def test_what_is_said_before_the_first_step(resume: bool, started: list[Any], held: bool) -> None:
     said: list[Any] = []
@@ -201,7 +201,7 @@ def test_one_of_several_media_that_is_squeezed_is_enough() -> None:
 def test_options_of_a_file_count_where_they_are_given(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Any] = []
     monkeypatch.setattr(run_file, "execute", lambda *given: seen.append(given))
-    monkeypatch.setattr("tmc_vem.simulation.problem_file.read_problem", lambda path: (path, RunOptions(steps=3)))
+    monkeypatch.setattr("tmc_vem.simulation.problem_file.read_problem", lambda *given: (given, RunOptions(steps=3)))
     command = run_file.problem_command("a.toml")
     for line, options in (
         ("", RunOptions(steps=3)), ("--overwrite", RunOptions(steps=3, overwrite=True)),
@@ -212,7 +212,7 @@ def test_options_of_a_file_count_where_they_are_given(monkeypatch: pytest.Monkey
     ):  # fmt: skip
         done = CliRunner().invoke(command, line.split(), catch_exceptions=False)
         assert done.exit_code == 0, done.output
-        assert seen[-1][:2] == ("a.toml", options)
+        assert seen[-1][:2] == (("a.toml", {}), options)
     assert run_file.RunGroup("run").get_command(click.Context(command), "b.toml").name == "b.toml"  # type: ignore[union-attr]
 
 

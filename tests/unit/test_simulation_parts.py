@@ -108,9 +108,11 @@ def test_the_defaults_of_a_run() -> None:
         follow=False, allow_overlap=False, max_iterations=None, max_seconds=None, snapshots=10, triangulated=False,
         checkpoint_every=1, overwrite=False,
     )  # fmt: skip
-    assert simulation._stepping(RunOptions(steps=7)) == SteppingOptions(steps=7, largest=0.1, first=0.01, smallest=1e-5)
-    assert simulation._stepping(RunOptions(largest_step=0.005)) == SteppingOptions(largest=0.005, first=0.005)
-    assert simulation._stepping(RunOptions(largest_step=1e-6)) == SteppingOptions(None, 1e-6, 1e-6, 1e-6)
+    assert simulation.stepping_of(RunOptions(steps=7)) == SteppingOptions(
+        steps=7, largest=0.1, first=0.01, smallest=1e-5
+    )
+    assert simulation.stepping_of(RunOptions(largest_step=0.005)) == SteppingOptions(largest=0.005, first=0.005)
+    assert simulation.stepping_of(RunOptions(largest_step=1e-6)) == SteppingOptions(None, 1e-6, 1e-6, 1e-6)
 
 
 METHOD = {"method": "vem", "order": 2, "projection": "auto", "projection_degree": "spectral test", "quadrature": 4,

@@ -2,44 +2,35 @@
 
 from __future__ import annotations
 
-import os
-import shlex
-import sys
 from pathlib import Path
 from typing import Any
 
 import click
 
+from tmc_vem.cli.batch_command import batch_options, compare_study
+from tmc_vem.cli.compare_file import CompareGroup, three
 from tmc_vem.cli.field_options import Decorator, setting, with_options
 from tmc_vem.cli.shared_options import angle_medium_options, chosen_medium, medium_options, penalty_option
 from tmc_vem.simulation.options import RunOptions
-from tmc_vem.support.errors import InputError, TmcError
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 FACTORS, QUICK_FACTORS = (1, 2, 4), (1, 2, 3)
 
 
-@click.group("compare")
+@click.group("compare", cls=CompareGroup)
 def compare_group() -> None:
     """Compare virtual and finite elements on several meshes.
+
+    The problem is one of the benchmarks below, or a problem file of your own:
+
+    \b
+      tmc-vem compare box --quick
+      tmc-vem compare demos/problems/blocks.toml --mesh-size 0.2,0.15,0.1
 
     Writes a report that needs no other file (report.html), the same as Markdown, runs.csv, figures as SVG and PNG, and
     all run directories. Runs that are there already with the same inputs, by the same program, are not repeated.
     """
-
-
-def batch_options(out: str) -> Decorator:
-    """Options of every command that does a batch of runs."""
-    return with_options(
-        [
-            click.Option(["--out"], type=click.Path(path_type=Path), default=Path(out), show_default=True,
-                         help="Where report and runs go."),
-            click.Option(["--jobs"], type=click.IntRange(1, 256), default=min(2, os.cpu_count() or 1),
-                         show_default=True, help="Runs at a time."),
-            click.Option(["--quick"], is_flag=True, help="Coarse meshes."),
-        ]
-    )  # fmt: skip
 
 
 def study_options(penalty: str) -> Decorator:
@@ -75,7 +66,7 @@ def box(uy: float, factors: tuple[int, ...], out: Path, jobs: int, quick: bool, 
     """
     from tmc_vem.study.compare import box_study
 
-    _compare(box_study(chosen_medium(options), uy, _factors(factors, quick), _methods(options)), out, jobs)
+    compare_study(box_study(chosen_medium(options), uy, _factors(factors, quick), _methods(options)), out, jobs)
 
 
 @compare_group.command("cbox")
@@ -92,7 +83,7 @@ def cbox(uy: float, factors: tuple[int, ...], out: Path, jobs: int, quick: bool,
     """
     from tmc_vem.study.compare import cbox_study
 
-    _compare(cbox_study(chosen_medium(options), uy, _factors(factors, quick), _methods(options)), out, jobs)
+    compare_study(cbox_study(chosen_medium(options), uy, _factors(factors, quick), _methods(options)), out, jobs)
 
 
 @compare_group.command("punch")
@@ -114,11 +105,11 @@ def punch(
     from tmc_vem.study.compare import voronoi_study
 
     medium = chosen_medium(options)
-    chosen = _three("--size", sizes) or ((0.25, 0.2, 0.15) if quick else (0.2, 0.14, 0.1))
+    chosen = three("--size", sizes) or ((0.25, 0.2, 0.15) if quick else (0.2, 0.14, 0.1))
     study = voronoi_study(
         lambda size: Punch(size=size, stiffness=stiffness, medium=medium, uy=uy), medium, chosen, _methods(options)
     )
-    _compare(study, out, jobs)
+    compare_study(study, out, jobs)
 
 
 @compare_group.command("bodies")
@@ -138,22 +129,15 @@ def bodies(uy: float, case: int, sizes: tuple[float, ...], out: Path, jobs: int,
     from tmc_vem.study.compare import voronoi_study
 
     medium = chosen_medium(options)
-    chosen = _three("--size", sizes) or ((0.15, 0.125, 0.1) if quick else (0.12, 0.085, 0.06))
+    chosen = three("--size", sizes) or ((0.15, 0.125, 0.1) if quick else (0.12, 0.085, 0.06))
     study = voronoi_study(
         lambda size: Bodies(case=case, size=size, medium=medium, uy=uy), medium, chosen, _methods(options)
     )
-    _compare(study, out, jobs)
+    compare_study(study, out, jobs)
 
 
 def _factors(given: tuple[int, ...], quick: bool) -> tuple[int, ...]:
-    return _three("--factor", given) or (QUICK_FACTORS if quick else FACTORS)
-
-
-def _three(option: str, given: tuple[Any, ...]) -> tuple[Any, ...]:
-    chosen = tuple(sorted(set(given)))
-    if 0 < len(chosen) < 3:
-        raise InputError(f"{len(chosen)} meshes: convergence shows on three or more, so give {option} three times")
-    return chosen
+    return three("--factor", given) or (QUICK_FACTORS if quick else FACTORS)
 
 
 def _methods(options: dict[str, Any]) -> dict[str, RunOptions]:
@@ -163,38 +147,3 @@ def _methods(options: dict[str, Any]) -> dict[str, RunOptions]:
         "vem": RunOptions("vem", element=ElementSettings(order), steps=steps),
         "fem": RunOptions("fem", fem=fem, steps=steps),
     }
-
-
-def _compare(study: Any, out: Path, jobs: int) -> None:
-    from tmc_vem.cli.batch_progress import BatchMonitor
-    from tmc_vem.study.compare import compare
-
-    require_one_process()
-    monitor = BatchMonitor()
-    try:
-        report, comparison = compare(study, out, command=command_line(), processes=jobs, observer=monitor)
-    except KeyboardInterrupt:
-        monitor.interrupted()
-        raise
-    finally:
-        monitor.close()
-    for method in comparison.methods:
-        click.echo(f"{method.name}, mesh-converged gap: {method.converged or 'none, see the report'}")
-    click.echo(f"report: {report}")
-    if comparison.failures:
-        raise TmcError(f"{len(comparison.failures)} of {len(study.jobs())} runs gave no result; the report says why")
-
-
-def command_line() -> str:
-    """The command that runs, for reports: without the machine's path to it."""
-    return shlex.join(["tmc-vem", *sys.argv[1:]])
-
-
-def require_one_process() -> None:
-    """Refuse to be started by mpirun.
-
-    Raises:
-        InputError: it was.
-    """
-    if int(os.environ.get("OMPI_COMM_WORLD_SIZE", os.environ.get("PMI_SIZE", "1"))) > 1:
-        raise InputError("this command starts processes of its own: call it without mpirun, with --jobs")

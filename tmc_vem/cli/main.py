@@ -14,8 +14,10 @@ from tmc_vem.support.version import VERSION
 # command: (module, attribute, line for --help). Modules are imported when a command is used, so that --help is quick.
 COMMANDS = {
     "run": ("tmc_vem.cli.run", "run_group", "Solve a problem and write results, fields and a picture."),
+    "check": ("tmc_vem.cli.check", "check_file", "Check and draw a problem file before it is run."),
     "resume": ("tmc_vem.cli.resume", "resume", "Go on with a run that was stopped."),
     "compare": ("tmc_vem.cli.compare", "compare_group", "Virtual and finite elements on several meshes, as a report."),
+    "sweep": ("tmc_vem.cli.sweep", "sweep", "Runs of a problem with all combinations of some values."),
     "reproduce": ("tmc_vem.cli.reproduce", "reproduce", "The paper's tables and figures beside ours."),
     "list": ("tmc_vem.cli.list", "list_runs", "Table of the runs below a directory."),
     "plot": ("tmc_vem.cli.plot", "plot", "Curves and states of a run as figures."),

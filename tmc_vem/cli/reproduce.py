@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tmc_vem.cli.compare import batch_options, command_line, require_one_process
+from tmc_vem.cli.batch_command import batch_options, command_line, require_one_process
 
 
 @click.command("reproduce")

@@ -11,9 +11,12 @@ import click
 from tmc_vem.cli.execute import RESUME
 from tmc_vem.cli.field_options import with_options
 from tmc_vem.cli.run import run_group
+from tmc_vem.cli.run_file import SUFFIX, problem_command
 from tmc_vem.cli.shared_options import display_options
 from tmc_vem.results.lock import is_held
+from tmc_vem.results.records import PROBLEM
 from tmc_vem.results.unfinished import COMMAND, how_to_go_on
+from tmc_vem.support.assignments import parse_changes
 from tmc_vem.support.errors import InputError
 
 
@@ -38,6 +41,8 @@ def resume(
 
     \b
       mpirun -n 2 tmc-vem resume runs/box
+
+    Where the problem file is no longer there, the run goes on with the copy of it in the run directory.
     """
     name, parameters = read_command(directory)
     if is_held(directory):
@@ -48,6 +53,9 @@ def resume(
             "checkpoints (--checkpoint-every 1 writes one after every load step)"
         )
     command = run_group.get_command(ctx, name)
+    if name.endswith(SUFFIX) and not Path(name).exists() and (directory / PROBLEM).exists():
+        command = problem_command(str(directory / PROBLEM), parse_changes(parameters.get("changes", ())))
+        parameters["changes"] = ()
     if command is None or command.callback is None:
         raise InputError(f"{directory / COMMAND} asks for the problem '{name}', which does not exist")
     parameters |= {"out": directory, "as_json": as_json, "quiet": quiet}

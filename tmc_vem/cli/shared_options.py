@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -43,26 +44,36 @@ def angle_medium_options(gamma: float, alpha_r: float) -> Decorator:
     return medium_options(gamma, alpha_r, "angle", 0.0)
 
 
-def element_options() -> list[click.Option]:
-    """Options of the discretisation."""
+def element_options(*, optional: bool = False) -> list[click.Option]:
+    """Options of the discretisation; optional ones are None unless they are given."""
     return [
-        setting(RunOptions, "method"),
-        setting(ElementSettings, "order"),
-        setting(ElementSettings, "degree", "--l", "degree", before="vem:"),
-        setting(ElementSettings, "projection", before="vem:"),
-        setting(ElementSettings, "rule", before="vem:"),
+        setting(RunOptions, "method", optional=optional),
+        setting(ElementSettings, "order", optional=optional),
+        setting(ElementSettings, "degree", "--l", "degree", before="vem:", optional=optional),
+        setting(ElementSettings, "projection", before="vem:", optional=optional),
+        setting(ElementSettings, "rule", before="vem:", optional=optional),
         click.Option(
             ["--quadrature"], type=int, help=f"Quadrature degree. Default: 2 k (vem), {FemSettings.quadrature} (fem)."
         ),
-        penalty_option(),
-        setting(ElementSettings, "eta"),
-        setting(FemSettings, "triangles", before="fem:"),
+        setting(FemSettings, "interior_penalty", optional=optional),
+        setting(ElementSettings, "eta", optional=optional),
+        setting(FemSettings, "triangles", before="fem:", optional=optional),
     ]
 
 
 def penalty_option(default: str = FemSettings.interior_penalty, *, before: str = "") -> click.Option:
     """Option of the interior penalty, with the default of a command and what it says before."""
     return setting(FemSettings, "interior_penalty", before=before, default=default)
+
+
+def change_option(values: str = "VALUE", after: str = "") -> click.Option:
+    """``--set``: other values for entries of a problem file."""
+    text = (
+        "Another value for an entry of the file: regions.block.solid.mu=20, or of a list by number or name, "
+        "support.top.ux=0. May be given several times."
+    )
+    help_text = f"{text} {after}".rstrip()
+    return click.Option(["--set", "changes"], multiple=True, metavar=f"NAME={values}", help=help_text)
 
 
 def out_options() -> list[click.Option]:
@@ -90,18 +101,9 @@ def petsc_option() -> click.Option:
 def method_options() -> Decorator:
     """Options of discretisation, load stepping and output."""
     path = " ".join(f"{load:g}" for load in RunOptions.path)
-    start = "For small gamma, e.g. --gamma 1e-7 --continuation gamma=1e-4 (below that with --rule triangles)."
     return with_options(
         [
-            setting(RunOptions, "steps"),
-            setting(RunOptions, "path", metavar="'LOADS'", type=str, default=path),
-            setting(
-                RunOptions, "output_loads", "--at", "output_loads", type=float, multiple=True, default=(),
-                show_default=False, metavar="LOAD",
-            ),
-            setting(RunOptions, "continuation", multiple=True, metavar="NAME=VALUE", after=start),
-            setting(RunOptions, "follow"),
-            setting(RunOptions, "allow_overlap"),
+            *load_options(path),
             setting(RunOptions, "max_iterations"),
             setting(RunOptions, "max_seconds"),
             *element_options(),
@@ -113,23 +115,72 @@ def method_options() -> Decorator:
             setting(RunOptions, "solver", metavar="PRESET|FILE"),
             petsc_option(),
         ]
-    )  # fmt: skip
+    )
+
+
+def load_options(path: str | None, *, optional: bool = False) -> list[click.Option]:
+    """Options of load stepping, with the default of the path; optional ones are None or empty unless they are given."""
+    start = "For small gamma, e.g. --gamma 1e-7 --continuation gamma=1e-4 (below that with --rule triangles)."
+    if optional:
+        start = "For small gamma, e.g. --continuation gamma=1e-4."
+    return [
+        setting(RunOptions, "steps", optional=optional),
+        setting(RunOptions, "path", metavar="'LOADS'", type=str, default=path, optional=optional),
+        setting(
+            RunOptions, "output_loads", "--at", "output_loads", type=float, multiple=True, default=(),
+            show_default=False, metavar="LOAD",
+        ),
+        setting(RunOptions, "continuation", multiple=True, metavar="NAME=VALUE", after=start),
+        setting(RunOptions, "follow", optional=optional),
+        setting(RunOptions, "allow_overlap", optional=optional),
+    ]  # fmt: skip
 
 
 def file_options() -> list[click.Parameter]:
-    """Options of a problem file's command; those of its [solve] table are None unless they are given."""
+    """Options of a problem file's command; those of its [solve] table are None or empty unless they are given."""
     return [
-        *(setting(RunOptions, name, optional=True) for name in DECIDED if name not in LAST),
+        change_option(),
+        *load_options(None, optional=True),
+        *(setting(RunOptions, name, optional=True) for name in ("max_iterations", "max_seconds")),
+        *element_options(optional=True),
         *out_options(),
-        *(setting(RunOptions, name, optional=True) for name in LAST),
+        *(setting(RunOptions, name, optional=True) for name in ("checkpoint_every", "snapshots", "triangulated")),
         *display_options(),
+        setting(RunOptions, "solver", metavar="PRESET|FILE", optional=True),
         petsc_option(),
     ]
 
 
-# Options that a problem file decides unless they are given, in the order of the help: before and after --out.
-LAST = ("checkpoint_every", "snapshots", "triangulated")
-DECIDED = ("method", "steps", "allow_overlap", "max_iterations", "max_seconds", *LAST)
+# Options that a problem file decides unless they are given.
+DECIDED = (
+    "method", "steps", "output_loads", "follow", "allow_overlap", "max_iterations", "max_seconds", "solver",
+    "checkpoint_every", "snapshots", "triangulated",
+)  # fmt: skip
+# Of the element of either method; what the other one has is refused.
+OF_VEM = ("order", "degree", "quadrature", "projection", "rule", "interior_penalty", "eta")
+OF_FEM = ("order", "quadrature", "interior_penalty", "eta", "triangles")
+
+
+def with_given(settings: RunOptions, options: dict[str, Any]) -> RunOptions:
+    """Run options of a problem file, with those of the command line that were given in their place.
+
+    Raises:
+        InputError: a value is out of range, or an option belongs to the other method.
+    """
+    # a flag is None or True; run directories of earlier versions ask to resume with False where it was not given
+    given = {name: value for name, value in options.items() if value is not None and value is not False and value != ()}
+    chosen = {name: given[name] for name in DECIDED if name in given}
+    if "path" in given:
+        chosen["path"] = parse_path(given["path"])
+    if "continuation" in given:
+        chosen["continuation"] = parse_parameters(given["continuation"], "--continuation")
+    method = chosen.get("method", settings.method)
+    _refuse_others(method, given)
+    where, names = ("fem", OF_FEM) if method == "fem" else ("element", OF_VEM)
+    element = {name: given[name] for name in names if name in given}
+    if element:
+        chosen[where] = dataclasses.replace(getattr(settings, where), **element)
+    return dataclasses.replace(settings, overwrite=options["overwrite"], **chosen)
 
 
 def chosen_options(options: dict[str, Any]) -> RunOptions:
@@ -174,13 +225,8 @@ def method_settings(options: dict[str, Any]) -> dict[str, Any]:
     Raises:
         InputError: a value is out of range, or an option belongs to the other method.
     """
+    _refuse_others(options["method"], options)
     if options["method"] == "fem":
-        if options["degree"] is not None:
-            raise InputError("--l belongs to --method vem: finite elements project nothing")
-        if options["projection"] != "auto":
-            raise InputError("--projection belongs to --method vem: finite elements project nothing")
-        if options["rule"] != "auto":
-            raise InputError("--rule belongs to --method vem: finite elements have the rules of dolfinx")
         given = {name: options[name] for name in ("quadrature", "eta") if options[name] is not None}
         return {
             "fem": FemSettings(
@@ -190,10 +236,24 @@ def method_settings(options: dict[str, Any]) -> dict[str, Any]:
                 **given,
             )
         }
-    if options["triangles"]:
+    return {"element": ElementSettings(**{name: options[name] for name in OF_VEM})}
+
+
+def _refuse_others(method: str, options: dict[str, Any]) -> None:
+    """Check that no option of the other method is given.
+
+    Raises:
+        InputError: one is.
+    """
+    if method == "fem":
+        if options.get("degree") is not None:
+            raise InputError("--l belongs to --method vem: finite elements project nothing")
+        if options.get("projection", "auto") != "auto":
+            raise InputError("--projection belongs to --method vem: finite elements project nothing")
+        if options.get("rule", "auto") != "auto":
+            raise InputError("--rule belongs to --method vem: finite elements have the rules of dolfinx")
+    elif options.get("triangles"):
         raise InputError("--triangles belongs to --method fem")
-    names = ("order", "degree", "quadrature", "projection", "rule", "interior_penalty", "eta")
-    return {"element": ElementSettings(**{name: options[name] for name in names})}
 
 
 def parse_path(text: str) -> tuple[float, ...]:

@@ -92,7 +92,7 @@ def distribute(comm: Comm, make_mesh: Callable[[], PolygonMesh], *, triangles: b
         TmcError: whatever ``make_mesh`` raises, on every rank.
     """
     compat.require()
-    source = _on_root(comm, lambda: _prepare(make_mesh(), triangles)) if comm.size > 1 else _prepare(
+    source = _on_root(comm, lambda: as_elements(make_mesh(), triangles)) if comm.size > 1 else as_elements(
         make_mesh(), triangles
     )  # fmt: skip
     cell, cells, points, region_c, parents, names = source
@@ -123,8 +123,12 @@ def distribute(comm: Comm, make_mesh: Callable[[], PolygonMesh], *, triangles: b
     )
 
 
-def _prepare(polygons: PolygonMesh, triangles: bool) -> tuple[str, Int, Float, Int, Int, Names]:
-    """Cells in dolfinx' order of vertices, coordinates, regions, original cells and names."""
+def as_elements(polygons: PolygonMesh, triangles: bool) -> tuple[str, Int, Float, Int, Int, Names]:
+    """Cells in dolfinx' order of vertices, coordinates, regions, original cells and names.
+
+    Raises:
+        InputError: the cells are not all triangles or all convex quadrilaterals.
+    """
     parents = np.arange(polygons.n_cells)
     names = Names(
         polygons.region_names,

@@ -68,6 +68,14 @@ class _Held:
         return np.concatenate(rows)
 
 
+def part_numbers(mesh: PolygonMesh, chosen_c: Bool) -> Int:
+    """(n_cells,) number of the part of each chosen cell, -1 for the others; cells that share a vertex are in one."""
+    body_c = body_numbers(mesh, chosen_c)
+    part_b = _parts(*_bodies_and_vertices(mesh, body_c), int(body_c.max(initial=-1)) + 1)
+    part: Int = np.append(part_b, -1)[body_c]
+    return part
+
+
 def free_parts(
     mesh: PolygonMesh, chosen_c: Bool, held_vi: Bool, across_m: Int | None = None, axis_mi: Float | None = None
 ) -> list[FreePart]:
@@ -82,10 +90,7 @@ def free_parts(
     held = _Held(held_vi, across_m, axis_mi)
     body_c = body_numbers(mesh, chosen_c)
     n_bodies = int(body_c.max(initial=-1)) + 1
-    body_s = np.repeat(body_c, mesh.n_sides_c)
-    used = body_s >= 0
-    pairs = np.unique(body_s[used] * mesh.n_vertices + mesh.cell_vertices[used])
-    body_p, vertex_p = pairs // mesh.n_vertices, pairs % mesh.n_vertices
+    body_p, vertex_p = _bodies_and_vertices(mesh, body_c)
     part_b = _parts(body_p, vertex_p, n_bodies)
     n_parts = int(part_b.max(initial=-1)) + 1
     first = np.searchsorted(body_p, np.arange(n_bodies + 1))
@@ -105,6 +110,14 @@ def without_rounding(point: Float, extent: float) -> tuple[float, float]:
     """A point as messages show it: what is zero up to a billionth of the extent is zero."""
     x, y = np.where(np.abs(point) < 1e-9 * extent, 0.0, point).tolist()
     return x, y
+
+
+def _bodies_and_vertices(mesh: PolygonMesh, body_c: Int) -> tuple[Int, Int]:
+    """All pairs (n_pairs,) of a body and one of its vertices, sorted."""
+    body_s = np.repeat(body_c, mesh.n_sides_c)
+    used = body_s >= 0
+    pairs = np.unique(body_s[used] * mesh.n_vertices + mesh.cell_vertices[used])
+    return pairs // mesh.n_vertices, pairs % mesh.n_vertices
 
 
 def _parts(body_p: Int, vertex_p: Int, n_bodies: int) -> Int:

@@ -52,6 +52,7 @@ class OwnProblem:
     Attributes:
         table: the description.
         directory: what file names in it are relative to.
+        changes: what was set to other values than those of the file, by name of the entry; for the record.
 
     Raises:
         InputError: a value is out of range, or a regulariser or energy cannot be loaded.
@@ -59,6 +60,7 @@ class OwnProblem:
 
     table: ProblemTable
     directory: Path = field(default_factory=Path)
+    changes: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _ = self._regions
@@ -67,6 +69,10 @@ class OwnProblem:
         check_names(self)
         if self.table.shapes:
             _ = self._outlines
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is sent to other processes: what has been made of the description is made there again."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
     @property
     def name(self) -> str:
@@ -162,7 +168,22 @@ class OwnProblem:
         if self.table.mesh.cracks == "join":  # as before there was a choice
             del plain["mesh"]["cracks"]
         media = [region["medium"] for region in plain["regions"].values() if "medium" in region]
-        return {"problem": self.name, **plain, **({"medium": media[0]} if media else {})}
+        changes = {"set": _plain(self.changes)} if self.changes else {}
+        return {"problem": self.name, **plain, **({"medium": media[0]} if media else {}), **changes}
+
+    def with_size(self, size: float, *, voronoi: str = "voronoi") -> OwnProblem:
+        """The problem with cells of another size, those of places with smaller ones in proportion.
+
+        Args:
+            size: of the cells.
+            voronoi: kind of cells instead of Voronoi cells.
+        """
+        mesh = self.table.mesh
+        assert mesh.size is not None
+        refine = tuple(replace(place, size=place.size * size / mesh.size) for place in mesh.refine)
+        cells = voronoi if mesh.cells == "voronoi" else mesh.cells
+        table = replace(self.table, mesh=replace(mesh, size=size, refine=refine, cells=cells))
+        return replace(self, table=table, changes={k: v for k, v in self.changes.items() if k != "mesh.size"})
 
     # -- parts -----------------------------------------------------------------------------------------------------
 

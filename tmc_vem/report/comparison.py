@@ -78,6 +78,12 @@ class Comparison:
         """All runs by method and mesh."""
         return {f"{m.name} {mesh}": run for m in self.methods for mesh, run in m.runs.items()}
 
+    @property
+    def quantities(self) -> dict[str, Callable[[RunResult | None], float | None]]:
+        """What is compared: the gap, if the problem has one, and the energy."""
+        has_gap = any(run.gap is not None for run in self.runs.values())
+        return {name: value for name, value in QUANTITIES.items() if has_gap or name != "gap"}
+
     def reference(self, quantity: str = "gap") -> Extrapolation | None:
         """The mesh-converged value with the smaller uncertainty."""
         known = [method.limits[quantity] for method in self.methods if quantity in method.limits]
@@ -187,7 +193,7 @@ def _paper_cell(value: tuple[float | None, str] | None) -> str | Entry:
 def _convergence(c: Comparison) -> list[Block]:
     meshes = list(dict.fromkeys(mesh for method in c.methods for mesh in method.runs))
     blocks: list[Block] = []
-    for quantity, value_of in QUANTITIES.items():
+    for quantity, value_of in c.quantities.items():
         head = ["mesh"]
         for method in c.methods:
             head += [f"{method.name} dofs", f"{method.name} {quantity}", "to converged"]
@@ -263,12 +269,14 @@ def _full_displacement(run: RunResult) -> float:
 def _doubts(c: Comparison) -> list[str]:
     messages = []
     for method in c.methods:
-        limit = method.converged
+        first = next(iter(c.quantities))
+        limit = method.limits.get(first)
         if limit is None:
             messages.append(f"{method.name}: no mesh-converged value, it takes three meshes that reach full load")
         elif limit.relative > NOT_CONVERGED:
-            messages.append(f"{method.name} is not mesh-converged: the uncertainty of the gap is {limit.relative:.1%}")
-    for quantity in QUANTITIES:
+            uncertain = f"the uncertainty of the {first} is {limit.relative:.1%}"
+            messages.append(f"{method.name} is not mesh-converged: {uncertain}")
+    for quantity in c.quantities:
         if not c.agreed(quantity):
             limits = "; ".join(f"{m.name} {m.limits[quantity]}" for m in c.methods if quantity in m.limits)
             messages.append(f"the converged values of the {quantity} differ by more than their uncertainties: {limits}")

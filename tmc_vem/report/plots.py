@@ -187,6 +187,33 @@ def convergence(
     return figure
 
 
+def final_values(
+    lines: Mapping[str, Mapping[str, Sequence[tuple[float, float]]]], parameter: str, name: str
+) -> list[Picture]:
+    """Values at full load against a parameter, three a picture.
+
+    Args:
+        lines: by heading of the value, and by name of the line, its points (parameter, value).
+        parameter: what it is called.
+        name: beginning of the pictures' names.
+    """
+    headings, pictures = list(lines), []
+    for first in range(0, len(headings), PANELS):
+        some = headings[first : first + PANELS]
+        figure, axes = _figure(len(some), height=3.2, width=10.0 if len(some) > 1 else 5.5)
+        for one, heading in zip(axes, some, strict=True):
+            for n, (line, points) in enumerate(lines[heading].items()):
+                mark = MARKS[n % len(MARKS)]
+                one.plot(*np.transpose(sorted(points)), marker=mark, markersize=4, label=label(line), **_style(n))
+            one.set_ylabel(label(heading))
+        figure.supxlabel(label(parameter), fontsize=10)
+        if len(lines[some[0]]) > 1:
+            axes[0].legend(fontsize=8, frameon=False)
+        caption = f"{', '.join(some)} at full load against {parameter}."
+        pictures.append(picture(figure, f"{name}-{first // PANELS + 1}", caption))
+    return pictures
+
+
 def _plain_ticks(axis: Any) -> None:
     """A few round numbers as they would be said, on a logarithmic axis that may be shorter than a decade."""
     from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter

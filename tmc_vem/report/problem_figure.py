@@ -21,7 +21,7 @@ from tmc_vem.system.forces import BodyForce, CavityPressure, FollowerPressure, F
 SOLIDS = ("#c9d3dc", "#aebccb", "#dcd2c4")
 MEDIUM_COLOUR = "#eaf3fb"
 ACROSS = 2  # in place of a component: held in a direction that is neither x nor y
-SUPPORT, LOAD = "#1c2024", "#c0392b"
+SUPPORT, LOAD, CORNER = "#1c2024", "#c0392b", "#e67e22"
 PROBES = ("#0b5394", "#2e7d32", "#7b1fa2", "#00838f", "#5d4037")
 
 
@@ -32,11 +32,22 @@ def draw_problem(
     load: Condition | Force,
     probes: Mapping[str, Probe],
     forces: Sequence[Force] = (),
+    *,
+    cells: bool = False,
+    corners: Sequence[tuple[float, float]] = (),
 ) -> Any:
-    """Figure of a problem, whose regions ``media`` are third medium.
+    """Figure of a problem: supports as squares, or triangles where one component is free, loads as arrows, springs as
+    hollow squares, gaps as lines, and other points that are measured as dots.
 
-    Supports are squares, or triangles where one component is free; loads are arrows, springs hollow squares, gaps
-    lines, and other points that are measured dots.
+    Args:
+        mesh: its mesh.
+        media: regions that are third medium.
+        prescribed: supports and loads.
+        load: the one that is the load.
+        probes: what is measured, by name.
+        forces: that act, and springs.
+        cells: draw the edges of the cells, and tell the regions by name.
+        corners: sharp corners, marked by crosses.
     """
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -44,11 +55,13 @@ def draw_problem(
     points = np.asarray(mesh.points_vx)
     extent = np.ptp(points, axis=0)
     figure, (axes,) = _panels(1, extent, width=9.0, height=(1.5, 5.5), margin=0.9)
-    _fill(axes, mesh, media, edges=False)
+    _fill(axes, mesh, media, edges=cells)
     unit = 0.05 * float(extent.max())
-    handles = [
-        Patch(facecolor=SOLIDS[0], edgecolor="black", label="solid"),
-        Patch(facecolor=MEDIUM_COLOUR, edgecolor="0.6", label="third medium"),
+    named = _colours(mesh, media) if cells else {"solid": SOLIDS[0], "third medium": MEDIUM_COLOUR}
+    edge = {MEDIUM_COLOUR: "0.6"}
+    handles: list[Any] = [
+        Patch(facecolor=colour, edgecolor=edge.get(colour, "black"), label=label(name))
+        for name, colour in named.items()
     ]
     prescribed = on_mesh(prescribed, mesh, media)
     for held, (marker, offset, where) in _supports(mesh, prescribed).items():
@@ -71,6 +84,10 @@ def draw_problem(
         style = {"marker": "o", "linestyle": "-" if isinstance(probe, Gap) else "", "color": PROBES[n % len(PROBES)]}
         axes.plot(*np.array([_place(mesh, at) for at in probe.places]).T, markersize=4, linewidth=1.2, **style)
         handles.append(Line2D([], [], label=label(name), **style))
+    if len(corners):
+        cross = {"marker": "x", "linestyle": "", "color": CORNER, "markersize": 7}
+        axes.plot(*np.transpose(corners), **cross)
+        handles.append(Line2D([], [], label="sharp corner", **cross))
     axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=6, fontsize=9, frameon=False)
     axes.set_ylim(points[:, 1].min() - 2 * unit, points[:, 1].max() + 2 * unit)
     axes.set_xlim(points[:, 0].min() - 2 * unit, points[:, 0].max() + 2 * unit)
@@ -191,9 +208,7 @@ def _fill(axes: Any, mesh: PolygonMesh, media: Collection[str], *, edges: bool) 
 
     points = np.asarray(mesh.points_vx)
     cells = [np.asarray(cell) for cell in mesh.cells()]
-    solids = [name for name in mesh.region_names if name not in media]
-    for number, name in enumerate(mesh.region_names):
-        colour = MEDIUM_COLOUR if name in media else SOLIDS[solids.index(name) % len(SOLIDS)]
+    for number, colour in enumerate(_colours(mesh, media).values()):
         chosen = np.flatnonzero(np.asarray(mesh.region_c) == number)
         collection = PolyCollection(
             [points[cells[c]] for c in chosen],
@@ -206,6 +221,14 @@ def _fill(axes: Any, mesh: PolygonMesh, media: Collection[str], *, edges: bool) 
     inside = np.array([name not in media for name in mesh.region_names])[np.asarray(mesh.region_c)]
     lines = border_lines(np.asarray(mesh.cell_offsets), np.asarray(mesh.cell_vertices), inside, points)
     axes.add_collection(LineCollection(lines, colors="black", linewidths=0.9, capstyle="round"))
+
+
+def _colours(mesh: PolygonMesh, media: Collection[str]) -> dict[str, str]:
+    """Colour of each region, in their order."""
+    solids = [name for name in mesh.region_names if name not in media]
+    return {
+        name: MEDIUM_COLOUR if name in media else SOLIDS[solids.index(name) % len(SOLIDS)] for name in mesh.region_names
+    }
 
 
 def _some(mesh: PolygonMesh, where: str, n: int) -> NDArray[np.float64]:

@@ -19,6 +19,7 @@ from tmc_vem.results.records import (
     HISTORY,
     MARKS,
     PICTURE,
+    PROBLEM,
     RESULT,
     TRIANGULATED,
     StepRecord,
@@ -30,7 +31,8 @@ from tmc_vem.results.unfinished import BEFORE, BEGUN, CHECKPOINT, COMMAND, proce
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.files import remove_unfinished, write_atomically
 
-_OWN = (RESULT, HISTORY, FIELDS, COLLECTION, f"{TRIANGULATED}.pvd", PICTURE, COMMAND, BEGUN, CHECKPOINT, BEFORE)
+_OWN = (RESULT, HISTORY, FIELDS, COLLECTION, f"{TRIANGULATED}.pvd", PICTURE, COMMAND, PROBLEM, BEGUN, CHECKPOINT,
+        BEFORE)  # fmt: skip
 
 
 class RunDirectory:
@@ -83,11 +85,12 @@ class RunDirectory:
             self.path.mkdir(parents=True, exist_ok=True)
             return DirectoryLock(self.path)
 
-    def start(self, command: Mapping[str, Any] | None = None) -> None:
+    def start(self, command: Mapping[str, Any] | None = None, problem: str | None = None) -> None:
         """Make the directory, without what an earlier run left.
 
         Args:
             command: what the command line was asked, for a later ``tmc-vem resume``.
+            problem: text of a problem file that does the run again.
 
         Raises:
             InputError: there is a run by now that must not be replaced.
@@ -107,6 +110,8 @@ class RunDirectory:
         (self.path / FIELDS).mkdir()
         if command is not None:
             write_atomically(self.path / COMMAND, json.dumps(command, indent=2) + "\n")
+        if problem is not None:
+            write_atomically(self.path / PROBLEM, problem)
 
     def begin(self, facts: Mapping[str, Any], *, locked: bool) -> None:
         """Say what the run is, before its first step or before it goes on; an earlier result is no longer one.

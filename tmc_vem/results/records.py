@@ -19,6 +19,7 @@ from tmc_vem.results.unfinished import BEGUN, CHECKPOINT, COMMAND
 # ``from_row`` leaves both alone; a changed meaning raises both.
 SCHEMA, OLDEST = 1, 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
+PROBLEM = "problem.toml"  # of a run whose problem came from tables
 TRIANGULATED = "triangulated"  # fields cut into triangles: the collection, and what their files begin with
 # groups of values in a record, and what their columns begin with
 _GROUPS = {"min_j": "min_j_", "energy": "energy_", "parameters": "parameter_"}

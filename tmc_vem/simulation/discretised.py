@@ -121,12 +121,12 @@ def require_finite_start(system: Discretisation, problem: Problem) -> None:
         bad = ["the stress, that is the derivative of the energy,"]
     if bad:
         checked = "'tmc-vem codegen FILE.py:FUNCTION --check' checks an energy of your own"
-        fault = _fault(problem)
+        fault = fault_at_start(problem)
         why = f"{fault}; " if fault else ""
         raise InputError(f"{bad[0]} is no finite number in the undeformed state: {why}{checked}")
 
 
-def _fault(problem: Problem) -> str:
+def fault_at_start(problem: Problem) -> str:
     """What is wrong with a region's energy at F = I, in words; empty if that does not show."""
     from codegen.reference import fault_at_reference
     from codegen.trace import trace

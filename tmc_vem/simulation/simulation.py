@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmc_vem.problems.base import Problem, media_of
+from tmc_vem.problems.own import OwnProblem
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import how_to_go_on
@@ -19,6 +20,7 @@ from tmc_vem.simulation.discretised import discretise, require_finite_start
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.plan import control_path, loads_of, order_of, run_inputs, snapshot_times
+from tmc_vem.simulation.problem_file import problem_text
 from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError, TmcError
 from tmc_vem.support.parallel import from_root, on_root
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from tmc_vem.results.lock import DirectoryLock
     from tmc_vem.simulation.interrupt import StopRequest
     from tmc_vem.simulation.recorder import Recorder
-    from tmc_vem.solve.arclength import ArcLengthStepper
+    from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
     from tmc_vem.solve.budget import Budget
     from tmc_vem.solve.newton import Iteration, NewtonSolver
     from tmc_vem.solve.path import ControlPath
@@ -103,7 +105,7 @@ def prepare(
     comm = MPI.COMM_WORLD if comm is None else comm
     monitor = monitor if monitor is not None and comm.rank == 0 else Monitor()
     timer = Timer()
-    stepping = _stepping(options)
+    stepping = stepping_of(options)
     path = control_path(problem, options)
     if resume and out is None:
         raise InputError("there is nothing to resume without a run directory")
@@ -245,7 +247,8 @@ class Simulation:
 
         directory, findings = self.directory, self.recorder.findings
         if directory is not None and not self.resume:
-            on_root(self.comm, lambda: directory.start(self.command))
+            text = problem_text(self.problem, self.options) if isinstance(self.problem, OwnProblem) else None
+            on_root(self.comm, lambda: directory.start(self.command, text))
         if directory is not None and lock is not None and not lock.held:
             text = f"the file system of {directory.path} has no locks: only one run may write there"
             findings.append(Finding(WARNING, text))
@@ -253,10 +256,10 @@ class Simulation:
 
     def _stepper(self, stop: StopRequest, budget: Budget) -> LoadStepper | ArcLengthStepper:
         """What goes along the path: it looks for a stop after every iteration, and every converged step is recorded."""
-        from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
+        from tmc_vem.solve.arclength import ArcLengthStepper
         from tmc_vem.solve.stepping import LoadStepper
 
-        solver, recorder, largest = self.solver, self.recorder, self.options.largest_step
+        solver, recorder = self.solver, self.recorder
 
         def on_iteration(iteration: Iteration, done: int) -> None:
             self.monitor.iterated(done, iteration.residual)
@@ -264,8 +267,7 @@ class Simulation:
             budget.spend()
 
         if self.options.follow:
-            arc = ArcOptions(largest=largest, first=min(ArcOptions.first, largest))
-            return ArcLengthStepper(solver, arc, recorder.record, on_iteration)
+            return ArcLengthStepper(solver, arc_of(self.options), recorder.record, on_iteration)
         gamma = _gamma(self.problem)
         return LoadStepper(solver, self.stepping, recorder.record, self.path, gamma, recorder.step_failed, on_iteration)
 
@@ -275,7 +277,12 @@ class Simulation:
             self.directory.interrupted(str(error) or type(error).__name__)
 
 
-def _stepping(options: RunOptions) -> SteppingOptions:
+def stepping_of(options: RunOptions) -> SteppingOptions:
+    """How the path is divided into steps.
+
+    Raises:
+        InputError: the number of steps is out of range.
+    """
     from tmc_vem.solve.stepping import SteppingOptions
 
     return SteppingOptions(
@@ -284,6 +291,17 @@ def _stepping(options: RunOptions) -> SteppingOptions:
         first=min(SteppingOptions.first, options.largest_step),
         smallest=min(SteppingOptions.smallest, options.largest_step),
     )
+
+
+def arc_of(options: RunOptions) -> ArcOptions:
+    """How a branch is divided into steps.
+
+    Raises:
+        InputError: the largest step is smaller than any that is taken.
+    """
+    from tmc_vem.solve.arclength import ArcOptions
+
+    return ArcOptions(largest=options.largest_step, first=min(ArcOptions.first, options.largest_step))
 
 
 def _gamma(problem: Problem) -> dict[str, float]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems import Bodies, Box, CBox, Medium, Punch
 from tmc_vem.problems.base import Problem, forces_of, media_of
+from tmc_vem.problems.own import OwnProblem
 from tmc_vem.report.comparison import QUANTITIES, Comparison, Method, comparison_page
 from tmc_vem.report.page import Picture, picture
 from tmc_vem.report.problem_figure import draw_meshes, draw_problem
@@ -23,6 +24,7 @@ from tmc_vem.study.batch import Job, Observer, Outcome, run_batch
 from tmc_vem.study.paper.values import table2
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.files import write_atomically
+from tmc_vem.support.validation import shown
 
 METHODS = ("vem", "fem")
 COST = {"vem": 1.0, "fem": 2.0}
@@ -118,6 +120,48 @@ def voronoi_study(
         problem = make(size)
         levels.append(Level(f"size {size:g}", size, {"vem": problem, "fem": Triangulated(problem, size)}))
     return Study(f"{levels[0].problems['vem'].name.title()}: VEM and FEM, {_named(medium)}", levels, options)
+
+
+def file_study(
+    problem: OwnProblem,
+    sizes: Sequence[float],
+    settings: RunOptions,
+    *,
+    order: int | None = None,
+    steps: int | None = None,
+    interior_penalty: str | None = None,
+) -> Study:
+    """A problem of one's own with cells of several sizes; triangles for finite elements where it has Voronoi cells.
+
+    Args:
+        problem: with a mesh from shapes.
+        sizes: of cells; those of places with smaller cells go with them.
+        settings: run options of both methods.
+        order, steps, interior_penalty: other than those of the settings; the last one of finite elements.
+
+    Raises:
+        InputError: the mesh comes from a file, or a value is out of range.
+    """
+    mesh = problem.table.mesh
+    if mesh.size is None:
+        raise InputError(
+            f"mesh: file = {shown(mesh.file)} has one size of cells: give several files to 'tmc-vem sweep', --set "
+            "mesh.file=coarse.msh,fine.msh"
+        )
+    settings = replace(settings, steps=settings.steps if steps is None else steps)
+    element, fem = settings.element, settings.fem
+    penalty = interior_penalty or ("penalty" if fem.interior_penalty == "none" else fem.interior_penalty)
+    options = {
+        "vem": replace(settings, method="vem", element=replace(element, order=order or element.order)),
+        "fem": replace(
+            settings, method="fem", fem=replace(fem, order=order or fem.order, interior_penalty=penalty)
+        ),
+    }  # fmt: skip
+    levels = []
+    for size in sorted(sizes, reverse=True):
+        problems = {"vem": problem.with_size(size), "fem": problem.with_size(size, voronoi="triangles")}
+        levels.append(Level(f"size {size:g}", size, problems))
+    return Study(f"{problem.name}: VEM and FEM", levels, options)
 
 
 def _named(medium: Medium) -> str:

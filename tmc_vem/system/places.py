@@ -48,6 +48,15 @@ class PointSource(Protocol):
         """Values (n_nodes, 2) of this rank's nodes, ghosts included."""
 
 
+def outside(name: str, point_x: Float, distance: float, nearest_x: Float) -> InputError:
+    """What to say about a point that lies outside of the mesh, with the nearest point of the mesh."""
+    (x, y), (near_x, near_y) = point_x, nearest_x
+    return InputError(
+        f"{name} ({x:g}, {y:g}) lies {distance:.3g} outside of the mesh, whose nearest point is "
+        f"({near_x:.6g}, {near_y:.6g})"
+    )
+
+
 class Places:
     """Points, each in one cell of one rank; which one does not depend on the number of ranks.
 
@@ -75,11 +84,8 @@ class Places:
         rank_n = np.lexsort((ranks, number_rn, distance_rn), axis=0)[0]
         every = np.arange(len(points))
         for n in np.flatnonzero(distance_rn[rank_n, every] > TOLERANCE * system.size).tolist():
-            (x, y), (near_x, near_y) = points[n], nearest_rnx[rank_n[n], n]
-            raise InputError(
-                f"{names[n] if names else 'point'} ({x:g}, {y:g}) lies {distance_rn[rank_n[n], n]:.3g} outside of the "
-                f"mesh, whose nearest point is ({near_x:.6g}, {near_y:.6g})"
-            )
+            name, away = names[n] if names else "point", float(distance_rn[rank_n[n], n])
+            raise outside(name, points[n], away, nearest_rnx[rank_n[n], n])
         self._mine = np.flatnonzero(rank_n == system.comm.rank)
         self._weights = located.weights[self._mine]
 
