@@ -16,7 +16,7 @@ from helpers_plug import plug
 
 from codegen.errors import CodegenError
 from tmc_vem import Box, Checkup, Medium, RunOptions, check, prepare
-from tmc_vem.cli.check import summary
+from tmc_vem.cli.check import _value, summary
 from tmc_vem.cli.main import _run
 from tmc_vem.mesh.files.io import write_mesh
 from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
@@ -34,12 +34,14 @@ from tmc_vem.problems.inventory import (
     narrowest,
     parts,
     sharp_corners,
+    vertices_loaded,
 )
 from tmc_vem.problems.materials import Material
 from tmc_vem.simulation.problem_file import read_problem
 from tmc_vem.support.errors import InputError
-from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.constraints import Prescribed, PrescribedAcross, PrescribedRotation
 from tmc_vem.system.fem_settings import FemSettings
+from tmc_vem.system.forces import BodyForce, CavityPressure, FollowerPressure, PointForce, Spring, Traction
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 SOLID, MEDIUM = solid_region(Material(20.0, 10.0)), medium_region(Medium(alpha_r=1.0), 10.0)
@@ -170,10 +172,11 @@ def test_what_is_said_of_a_problem(checked: Checkup) -> None:
     assert [region["area"] for region in found["regions"]] == pytest.approx(
         [{"base": 0.3, "plug": 0.2, "medium": 0.5}[region["name"]] for region in found["regions"]]
     )
-    assert found["load"] == {"component": "uy", "at": "top", "value": -0.02, "n_vertices": 8, "path": [0.0, 1.0],
-                             "steps": 1} | {"n_vertices": found["load"]["n_vertices"]}  # fmt: skip
+    n_vertices = found["loads"][0]["n_vertices"]
+    assert found["loads"] == [{"name": "", "what": "uy", "at": "top", "value": -0.02, "n_vertices": n_vertices}]
+    assert (found["path"], found["steps"]) == ([0.0, 1.0], 1)
     at_top = np.unique(checked.mesh.named_edges["top"])
-    assert found["load"]["n_vertices"] == len(at_top)
+    assert n_vertices == len(at_top)
     assert found["probes"]["gap"] == {"what": "distance of tip and ground", "initially": pytest.approx(0.2)}
     assert found["probes"]["side"] == {"what": "ux of (0.7, 0.75)"}
     assert found["materials"]["plug"] == {
@@ -253,7 +256,7 @@ def test_lines_for_people(checked: Checkup, tmp_path: Path) -> None:
         "    third medium, energy 'medium_huhu_lulu': mu = 10, gamma = 0.0001, alpha_r = 1, beta = 0",
         "narrowest gaps:", "cells across", "  base around (0.5, 0.15)", ": ux = 0 at bottom, uy = 0 at bottom",
         ": ux = 0 at top, uy = -0.02 at top",
-        f"load: uy = -0.02 at top, {checked.load.n_vertices} vertices, along 0 1 in 1 equal steps",
+        f"load: uy = -0.02 at top, {checked.loads[0].n_vertices} vertices", "path: 0 1 in 1 equal steps",
         "  gap: distance of tip and ground, 0.2 before loading", "  hold: reaction to uy at bottom",
         "sharp corners in the medium, which may slip into what they meet: round those, with a radius of some cells",
         "  plug at (0.3, 0.5): 90 degrees",
@@ -266,12 +269,13 @@ def test_lines_for_people(checked: Checkup, tmp_path: Path) -> None:
     one = dataclasses.replace(
         checked, gaps=(Width("medium", ("plug", "plug"), 0.5, (1.0, 2.0), 1),), probes={}, cautions=("a", "b"),
         parts=(Part(("plug",), 3, (0.0, 1.0), ()),), corners=tuple(Corner("x", (n, 0.0), 60.0) for n in range(10)),
-        load=dataclasses.replace(checked.load, n_vertices=1, steps=None, path=(0.0, 1.0, 0.5)),
+        loads=(dataclasses.replace(checked.loads[0], n_vertices=1),), steps=None, path=(0.0, 1.0, 0.5),
     )  # fmt: skip
     lines = summary(one)
     assert "  within plug: 0.5 at (1, 2), 1 cell across" in lines
     assert "  plug around (0, 1), 3 cells: only the medium, as the file says" in lines
-    assert "load: uy = -0.02 at top, 1 vertex, along 0 1 0.5 in automatic steps" in lines
+    at = lines.index("load: uy = -0.02 at top, 1 vertex")
+    assert lines[at + 1] == "path: 0 1 0.5 in automatic steps"
     assert lines[-3:] == ["cautions: 2", "  a", "  b"]
     assert "probes: none" in lines
     assert "  and 2 more" in lines
@@ -311,7 +315,7 @@ def test_the_command_writes_one_picture_and_nothing_else(
     assert capsys.readouterr().out.endswith("picture: plug-check.png\n")
     assert _run(["check", "plug.toml", "--output", "a.SVG", "--json", "--set", "load.uy=-0.1", "--method", "vem"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert (found["picture"], found["load"]["value"]) == ("a.SVG", -0.1)
+    assert (found["picture"], found["loads"][0]["value"]) == ("a.SVG", -0.1)
     assert drawn == [(Path("plug-check.png"), 150), (Path("a.SVG"), 150)]
     assert _run(["check", "plug.toml", "--no-picture", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["picture"] is None
@@ -392,3 +396,41 @@ def test_check_refuses_what_a_run_refuses(tmp_path: Path, changes: dict[str, Any
         return ""
 
     assert said(check) == said(lambda problem, options: prepare(problem, None, options))
+
+
+def test_every_kind_of_load_is_said() -> None:
+    lines = np.linspace(0.0, 1.0, 3)
+    mesh = structured_quadrilaterals(lines, lines, [Rectangle("all", 0, 1, 0, 1)])
+    named = dataclasses.replace(mesh, named_points={"tip": 0}, named_edges={"top": np.array([[6, 7], [7, 8]])})
+    regions = {name: solid_region(Material(K=3.0, mu=1.0)) for name in named.region_names}
+    (whole,) = named.region_names
+    held = [Prescribed("top", 0, 0.5), PrescribedAcross("top", "normal", 0.25, axis=(0.0, 1.0)),
+            PrescribedRotation("top", (0.0, 0.0), 90.0)]  # fmt: skip
+    forces = [
+        PointForce("a", "tip", (0.0, -2.0)), Traction("b", "top", (0.25, 0.0)), BodyForce("c", (whole,), (0.0, 1.0)),
+        CavityPressure("d", "top", 3.0), FollowerPressure("e", "top", 4.0), Spring("f", "tip", (1.0, 0.0)),
+    ]  # fmt: skip
+    (part,) = parts(named, regions, held, forces)
+    assert part.conditions == (
+        ("ux", "top", 0.5), ("normal", "top", 0.25), ("rotation", "top", 90.0), ("force", "tip", (0.0, -2.0)),
+        ("traction", "top", (0.25, 0.0)), ("body_force", whole, (0.0, 1.0)), ("cavity_pressure", "top", 3.0),
+        ("pressure", "top", 4.0), ("stiffness", "tip", (1.0, 0.0)),
+    )  # fmt: skip
+    assert [len(vertices_loaded(named, each)) for each in (*held, *forces)] == [3, 3, 3, 1, 3, 9, 3, 3, 1]
+    assert [_value(what, value, " mm") for what, _, value in part.conditions[:5]] == [
+        "ux = 0.5 mm", "normal = 0.25 mm", "rotation = 90 degrees", "force = (0, -2)", "traction = (0.25, 0)",
+    ]  # fmt: skip
+
+
+def test_loads_with_names_and_histories(tmp_path: Path) -> None:
+    (path,) = Path(__file__).parents[2].glob("demos/problems/bistable.toml")
+    problem, options = read_problem(path)
+    checked = check(problem, options)
+    assert [(load.name, load.what, load.at, load.value) for load in checked.loads] == [
+        ("air", "pressure", "top", 0.004)
+    ]
+    assert (checked.path, checked.steps) == ((0.0, 2.0), None)
+    lines = summary(checked)
+    assert f"load air: pressure = 0.004 at top, {checked.loads[0].n_vertices} vertices" in lines
+    assert "path: 0 2 in automatic steps" in lines
+    assert any("hinge" in line and "pressure = 0.004 at top" in line for line in lines)

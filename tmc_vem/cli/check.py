@@ -86,7 +86,7 @@ def summary(found: Checkup) -> list[str]:
         *_regions(found, length),
         *_gaps(found, length),
         *_parts(found, length),
-        _load(found, length),
+        *_loads(found, length),
         *_probes(found, length),
         *_corners(found),
         *([f"cautions: {len(found.cautions)}"] if found.cautions else ["cautions: none"]),
@@ -126,7 +126,7 @@ def _between(solids: tuple[str, str]) -> str:
 def _parts(found: Checkup, length: str) -> list[str]:
     lines = []
     for part in found.parts:
-        held = ", ".join(f"{c} = {value:g}{length} at {where}" for c, where, value in part.conditions)
+        held = ", ".join(f"{_value(what, value, length)} at {where}" for what, where, value in part.conditions)
         lines.append(
             f"  {', '.join(part.regions)} around ({part.middle[0]:.4g}, {part.middle[1]:.4g}), {part.n_cells} cells: "
             f"{held or 'only the medium, as the file says'}"
@@ -134,12 +134,21 @@ def _parts(found: Checkup, length: str) -> list[str]:
     return ["what holds and moves each part:", *lines]
 
 
-def _load(found: Checkup, length: str) -> str:
-    load = found.load
-    steps = "automatic steps" if load.steps is None else f"{load.steps} equal steps"
-    path = " ".join(f"{factor:g}" for factor in load.path)
-    moved = f"{load.n_vertices} {'vertices' if load.n_vertices > 1 else 'vertex'}"
-    return f"load: {load.component} = {load.value:g}{length} at {load.at}, {moved}, along {path} in {steps}"
+def _loads(found: Checkup, length: str) -> list[str]:
+    lines = []
+    for load in found.loads:
+        at = f"{load.n_vertices} {'vertices' if load.n_vertices > 1 else 'vertex'}"
+        name = f"load {load.name}" if load.name else "load"
+        lines.append(f"{name}: {_value(load.what, load.value, length)} at {load.at}, {at}")
+    steps = "automatic steps" if found.steps is None else f"{found.steps} equal steps"
+    return [*lines, f"path: {' '.join(f'{factor:g}' for factor in found.path)} in {steps}"]
+
+
+def _value(what: str, value: float | tuple[float, float], length: str) -> str:
+    """A condition or load in words; only displacements have a unit of their own here."""
+    shown = f"({value[0]:g}, {value[1]:g})" if isinstance(value, tuple) else f"{value:g}"
+    unit = {"rotation": " degrees", **dict.fromkeys(("ux", "uy", "normal", "tangential"), length)}
+    return f"{what} = {shown}{unit.get(what, '')}"
 
 
 def _probes(found: Checkup, length: str) -> list[str]:

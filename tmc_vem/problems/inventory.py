@@ -15,10 +15,12 @@ from tmc_vem.mesh.rigid import part_numbers, without_rounding
 from tmc_vem.problems.base import RegionEnergy
 from tmc_vem.problems.conditions import vertices_at
 from tmc_vem.problems.hints import SHARP
-from tmc_vem.system.constraints import COMPONENTS, Prescribed
+from tmc_vem.system.constraints import COMPONENTS, Condition, Prescribed, PrescribedAcross, PrescribedRotation
+from tmc_vem.system.forces import BodyForce, CavityPressure, FollowerPressure, Force, PointForce, Spring, Traction
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+Value = float | tuple[float, float]
 Bool = NDArray[np.bool_]
 Point = tuple[float, float]
 
@@ -75,13 +77,13 @@ class Part:
         regions: whose cells it has.
         n_cells: how many.
         middle: centre of its bounding box.
-        conditions: supports and loads on it, as (component, place, value at full load).
+        conditions: supports, loads and springs on it, as (what, place, value where the amplitude is 1).
     """
 
     regions: tuple[str, ...]
     n_cells: int
     middle: Point
-    conditions: tuple[tuple[str, str, float], ...]
+    conditions: tuple[tuple[str, str, Value], ...]
 
 
 @dataclass(frozen=True)
@@ -148,20 +150,60 @@ def narrowest(mesh: PolygonMesh, regions: Mapping[str, RegionEnergy]) -> list[Wi
     ]  # fmt: skip
 
 
-def parts(mesh: PolygonMesh, regions: Mapping[str, RegionEnergy], prescribed: Sequence[Prescribed]) -> list[Part]:
-    """The solids that hang together, and the conditions on them."""
+def said_of(acting: Condition | Force) -> tuple[str, str, Value]:
+    """What it is as problem files call it, the place or regions, and the value where its amplitude is 1."""
+    match acting:
+        case Prescribed(where=where, component=component, value=value):
+            return tuple(COMPONENTS)[component], where, value
+        case PrescribedAcross(where=where, direction=direction, value=value):
+            return direction, where, value
+        case PrescribedRotation(where=where, degrees=degrees):
+            return "rotation", where, degrees
+        case PointForce(where=where, force=force):
+            return "force", where, force
+        case Traction(where=where, traction=traction):
+            return "traction", where, traction
+        case BodyForce(regions=regions, force=force):
+            return "body_force", ", ".join(regions), force
+        case CavityPressure(where=where, pressure=pressure):
+            return "cavity_pressure", where, pressure
+        case FollowerPressure(where=where, pressure=pressure):
+            return "pressure", where, pressure
+        case Spring(where=where, stiffness=stiffness):
+            return "stiffness", where, stiffness
+
+
+def parts(
+    mesh: PolygonMesh,
+    regions: Mapping[str, RegionEnergy],
+    prescribed: Sequence[Condition],
+    forces: Sequence[Force] = (),
+) -> list[Part]:
+    """The solids that hang together, and what holds and loads them."""
     part_c = part_numbers(mesh, ~_media(mesh, regions))
-    of = [(condition, vertices_at(mesh, condition.where)) for condition in prescribed]
-    names = {number: name for name, number in COMPONENTS.items()}
+    of = [(each, vertices_loaded(mesh, each)) for each in (*prescribed, *forces)]
     found = []
     for part in range(int(part_c.max(initial=-1)) + 1):
         cells = np.flatnonzero(part_c == part)
         mine = np.unique(np.concatenate([mesh.cell(c) for c in cells.tolist()]))
-        on = tuple((names[c.component], c.where, c.value) for c, at in of if np.isin(at, mine).any())
+        on = tuple(said_of(each) for each, at in of if np.isin(at, mine).any())
         low, high = mesh.points_vx[mine].min(axis=0), mesh.points_vx[mine].max(axis=0)
         middle = without_rounding(0.5 * (low + high), float((high - low).max()))
         whose = tuple(mesh.region_names[n] for n in np.unique(mesh.region_c[cells]))
         found.append(Part(whose, len(cells), middle, on))
+    return found
+
+
+def vertices_loaded(mesh: PolygonMesh, acting: Condition | Force) -> Int:
+    """Vertices that something holds or loads.
+
+    Raises:
+        InputError: the mesh has nothing of its name.
+    """
+    if not isinstance(acting, BodyForce):
+        return vertices_at(mesh, acting.where)
+    of_cells = [mesh.region_names[region] in acting.regions for region in mesh.region_c.tolist()]
+    found: Int = np.unique(np.concatenate([mesh.cell(c) for c in np.flatnonzero(of_cells).tolist()]))
     return found
 
 

@@ -16,8 +16,7 @@ from tmc_vem.energy import MEDIA, REGULARISERS, energy_name
 from tmc_vem.mesh.locate import TOLERANCE, find_cells
 from tmc_vem.mesh.make.split import split_quadrilaterals
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Problem, media_of
-from tmc_vem.problems.conditions import vertices_at
+from tmc_vem.problems.base import Problem, forces_of, media_of
 from tmc_vem.problems.examine import examine
 from tmc_vem.problems.hints import THIN, hints
 from tmc_vem.problems.inventory import (
@@ -29,15 +28,17 @@ from tmc_vem.problems.inventory import (
     count_regions,
     narrowest,
     parts,
+    said_of,
     sharp_corners,
+    vertices_loaded,
 )
 from tmc_vem.problems.probes import Gap, check_probes
 from tmc_vem.simulation.discretised import fault_at_start
 from tmc_vem.simulation.options import RunOptions
-from tmc_vem.simulation.plan import control_path, order_of
+from tmc_vem.simulation.plan import control_path, loads_of, order_of
 from tmc_vem.simulation.simulation import arc_of, prepare, stepping_of
 from tmc_vem.support.errors import InputError
-from tmc_vem.system.constraints import COMPONENTS
+from tmc_vem.system.forces import Spring
 from tmc_vem.system.places import outside
 
 Float = NDArray[np.float64]
@@ -55,23 +56,21 @@ ENOUGH = 2
 
 @dataclass(frozen=True)
 class Load:
-    """The displacement that carries the load.
+    """Something that moves or loads the body.
 
     Attributes:
-        component: ``ux`` or ``uy``.
-        at: name of the point or edges.
-        value: at full load.
-        n_vertices: vertices of the mesh that it moves.
-        path: load factors that are gone through.
-        steps: equal ones, or None for automatic steps.
+        name: that it is reported by; empty for one displacement alone.
+        what: its kind, as problem files call it: ``ux``, ``force``, ``cavity_pressure``, ...
+        at: name of the point or edges, or of regions.
+        value: where its amplitude is 1, a number or both components.
+        n_vertices: vertices of the mesh that it is at.
     """
 
-    component: str
+    name: str
+    what: str
     at: str
-    value: float
+    value: float | tuple[float, float]
     n_vertices: int
-    path: tuple[float, ...]
-    steps: int | None
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,9 @@ class Checkup:
         parts: solids that hang together, with the conditions on them.
         corners: sharp ones of solids that face medium.
         materials: what regions are made of, by region: name of the energy, moduli at small strains, parameters.
-        load: what it does.
+        loads: what moves and loads it, the one that is reported first at the beginning.
+        path: load factors, or times, that are gone through.
+        steps: equal ones, or None for automatic steps.
         probes: what is measured, by name, in words; of distances also what they are before loading.
         cautions: what may go wrong, each with its remedy.
         problem, mesh: what was looked at.
@@ -104,7 +105,9 @@ class Checkup:
     parts: tuple[Part, ...]
     corners: tuple[Corner, ...]
     materials: dict[str, dict[str, Any]]
-    load: Load
+    loads: tuple[Load, ...]
+    path: tuple[float, ...]
+    steps: int | None
     probes: dict[str, dict[str, Any]]
     cautions: tuple[str, ...]
     problem: Problem = field(repr=False)
@@ -121,8 +124,8 @@ class Checkup:
         problem = self.problem
         corners = [corner.place for corner in self.corners]
         return draw_problem(
-            self.mesh, media_of(problem), problem.prescribed(), problem.load(), problem.probes(), cells=True,
-            corners=corners,
+            self.mesh, media_of(problem), problem.prescribed(), problem.load(), problem.probes(), forces_of(problem),
+            cells=True, corners=corners,
         )  # fmt: skip
 
 
@@ -141,8 +144,8 @@ def check(problem: Problem, options: RunOptions | None = None) -> Checkup:
     control_path(problem, options)
     _require_steps(options)
     mesh = problem.make_mesh()
-    loads = (*options.path, *options.output_loads)
-    cautions = examine(problem, mesh, loads)
+    loads = loads_of(problem, options)
+    cautions = examine(problem, mesh, (*loads, *options.output_loads))
     check_probes(problem.probes(), problem.prescribed(), tuple(problem.regions()))
     initial = _distances(problem, mesh)
     solved, inside = _elements(mesh, options)
@@ -163,10 +166,12 @@ def check(problem: Problem, options: RunOptions | None = None) -> Checkup:
         n_dofs=2 * n_nodes,
         regions=tuple(count_regions(solved, order, inside)),
         gaps=tuple(gaps),
-        parts=tuple(parts(mesh, problem.regions(), problem.prescribed())),
+        parts=tuple(parts(mesh, problem.regions(), problem.prescribed(), forces_of(problem))),
         corners=tuple(sharp_corners(mesh, problem.regions())),
         materials=_materials(problem),
-        load=_load(problem, mesh, options),
+        loads=_loads(problem, mesh),
+        path=loads,
+        steps=options.steps,
         probes={
             name: {"what": str(probe), **({"initially": initial[name]} if name in initial else {})}
             for name, probe in problem.probes().items()
@@ -266,10 +271,15 @@ def _materials(problem: Problem) -> dict[str, dict[str, Any]]:
     return found
 
 
-def _load(problem: Problem, mesh: PolygonMesh, options: RunOptions) -> Load:
-    load = problem.load()
-    component = next(name for name, number in COMPONENTS.items() if number == load.component)
-    return Load(component, load.where, load.value, len(vertices_at(mesh, load.where)), options.path, options.steps)
+def _loads(problem: Problem, mesh: PolygonMesh) -> tuple[Load, ...]:
+    """The load that is reported first, others that have names, and forces; springs hold."""
+    first, found = problem.load(), []
+    named = [each for each in problem.prescribed() if each.name]
+    acting = [each for each in forces_of(problem) if not isinstance(each, Spring)]
+    for each in (first, *(other for other in (*named, *acting) if other != first)):
+        what, at, value = said_of(each)
+        found.append(Load(each.name, what, at, value, len(vertices_loaded(mesh, each))))
+    return tuple(found)
 
 
 def _has_own_energy(problem: Problem) -> bool:

@@ -19,9 +19,6 @@ from tmc_vem.support.memory import reuse_freed
 from tmc_vem.support.parallel import from_root, on_every_rank
 from tmc_vem.system.constraints import Condition
 from tmc_vem.system.discretisation import Discretisation
-from tmc_vem.system.inclined import with_axes
-from tmc_vem.system.loaded import with_forces
-from tmc_vem.system.stages import with_stages
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 if TYPE_CHECKING:
@@ -46,6 +43,10 @@ def discretise(
         InputError: mesh and problem do not fit, or the method is 'fem' and dolfinx is missing.
         CodegenError: an energy's kernel cannot be made.
     """
+
+    from tmc_vem.system.inclined import with_axes
+    from tmc_vem.system.loaded import with_forces
+    from tmc_vem.system.stages import with_stages
 
     system = with_axes(_along_x_and_y(problem, options, comm, on_mesh))
     system = with_forces(system, forces_of(problem), media_of(problem))
