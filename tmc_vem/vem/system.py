@@ -11,7 +11,6 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from tmc_vem.mesh.geometry import centroids
 from tmc_vem.mesh.locate import TOLERANCE
 from tmc_vem.mesh.spread.distribute import DistributedMesh
 from tmc_vem.support.distributed import Mat, Vec
@@ -40,7 +39,7 @@ from tmc_vem.vem.loads import body_load, sides_along
 from tmc_vem.vem.near_null_space import rigid_motions
 from tmc_vem.vem.pattern import parallel_matrix, serial_matrix
 from tmc_vem.vem.point_weights import locate
-from tmc_vem.vem.polygons import polygons_through_nodes
+from tmc_vem.vem.polygons import node_labels, node_points, polygons_through_nodes
 from tmc_vem.vem.spaces.element import element_groups
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
@@ -81,7 +80,8 @@ class VemSystem(Unloaded):
         self._local = self.dofmap.dm.createLocalVec()
         self._work = self.dofmap.dm.createLocalVec()
         self._named_nodes = functools.cache(self._nodes_of)
-        self._constrained_local = Constrained.of(prescribed, self._named_nodes, self._node_points()).along_x_and_y()
+        held = Constrained.of(prescribed, self._named_nodes, node_points(distributed, self.dofmap))
+        self._constrained_local = held.along_x_and_y()
         self._constrained = self._constrained_local.renumbered(self.dofmap.owned_node_n)
         groups = element_groups(distributed.mesh, self.settings, distributed.cell_ids)
         self.blocks = on_every_rank(self.comm, lambda: make_blocks(distributed, self.dofmap, groups, kernels))
@@ -232,7 +232,7 @@ class VemSystem(Unloaded):
     def resultant(self, u: Vec, residual: Vec, where: str, about: Pair) -> Float:
         """Force and moment (3,) that hold a named point or edge set."""
         nodes = self._named_nodes(where)
-        points_nx = self._node_points()[nodes[self.dofmap.owned_node_n[nodes] >= 0]]
+        points_nx = node_points(self.distributed, self.dofmap)[nodes[self.dofmap.owned_node_n[nodes] >= 0]]
         return resultant(self.comm, u, residual, self.owned_nodes(where), points_nx, about)
 
     def owned_nodes(self, where: str) -> Int:
@@ -279,19 +279,8 @@ class VemSystem(Unloaded):
         return locate(self.distributed, self.dofmap, self.blocks, points_nx, TOLERANCE * self.size)
 
     def node_labels(self) -> Float:
-        """Labels (n_owned_nodes, 3) of this rank's part of a vector that do not depend on the distribution.
-
-        Coordinates and 0 for nodes on sides; a cell's centroid and 1, 2, ... for its moments.
-        """
-        labels = np.column_stack([self._node_points(), np.zeros(self.dofmap.n_nodes)])
-        for _, cells, vertices_cv in self.distributed.mesh.cells_by_size():
-            center_cx = centroids(self.distributed.mesh.points_vx[vertices_cv])
-            for m, nodes in enumerate(self.dofmap.cell_moments[cells].T):
-                labels[nodes] = np.column_stack([center_cx, np.full(len(cells), m + 1.0)])
-        places = self.dofmap.owned_node_n
-        ordered = np.empty((int((places >= 0).sum()), 3))
-        ordered[places[places >= 0]] = labels[places >= 0]
-        return ordered
+        """Labels (n_owned_nodes, 3) of this rank's part of a vector that do not depend on the distribution."""
+        return node_labels(self.distributed, self.dofmap)
 
     def output_polygons(self) -> Polygons:
         """This rank's cells as polygons through vertices and points on the sides."""
@@ -446,13 +435,6 @@ class VemSystem(Unloaded):
         total.destroy()
         nodes: Int = np.flatnonzero(marked)
         return nodes
-
-    def _node_points(self) -> Float:
-        """(n_nodes, 2) places of this rank's nodes on sides; 0 for moments of cells."""
-        points_nx = np.zeros((self.dofmap.n_nodes, 2))
-        on_sides = np.concatenate([self.dofmap.vertex_nodes, self.dofmap.edge_nodes.ravel()])
-        points_nx[on_sides] = self.output_polygons().points_nx
-        return points_nx
 
     def _extent(self) -> float:
         points = self.distributed.mesh.points_vx
