@@ -61,7 +61,7 @@ class Frames:
 
 
 @dataclass(frozen=True)
-class _Terms:
+class Terms:
     """What a condition's displacement along one of its axes adds to degrees of freedom.
 
     Attributes:
@@ -90,7 +90,7 @@ class Constrained:
     prescribed: tuple[Condition, ...]
     dofs: Int
     points_dx: Float
-    terms: tuple[_Terms, ...]
+    terms: tuple[Terms, ...]
     frames: Frames
 
     @staticmethod
@@ -135,7 +135,7 @@ class Constrained:
             for part, factor in rows[dof].items():
                 by_part.setdefault(part, []).append((entry, factor))
         terms = tuple(
-            _Terms(part, np.array([n for n, _ in found], dtype=np.int64), np.array([f for _, f in found]))
+            Terms(part, np.array([n for n, _ in found], dtype=np.int64), np.array([f for _, f in found]))
             for part, found in sorted(by_part.items())
         )
         nodes = np.array(sorted(turned), dtype=np.int64)
@@ -161,7 +161,7 @@ class Constrained:
         terms = []
         for each in self.terms:
             here = kept[each.entries]
-            terms.append(_Terms(each.part, place[each.entries[here]], each.factors[here]))
+            terms.append(Terms(each.part, place[each.entries[here]], each.factors[here]))
         return replace(self, dofs=self.dofs[kept], points_dx=self.points_dx[kept], terms=tuple(terms))
 
     @property
