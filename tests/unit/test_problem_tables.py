@@ -15,18 +15,13 @@ from tmc_vem.mesh.parts import with_names
 from tmc_vem.problems import Material, Medium
 from tmc_vem.problems.base import medium_region, solid_region
 from tmc_vem.problems.description import (
-    HUGE,
-    STEEPEST,
     ConditionTable,
-    EdgesTable,
     MediumTable,
-    MeshTable,
     ProbeTable,
     ProblemTable,
-    RefineTable,
     RegionTable,
-    ShapeTable,
 )
+from tmc_vem.problems.mesh_tables import HUGE, STEEPEST, EdgesTable, MeshTable, RefineTable, ShapeTable
 from tmc_vem.problems.own import OwnProblem, _distance, find_edges
 from tmc_vem.problems.probes import Displacement, Gap, MeanJ, Position, Reaction, check_name, check_probes
 from tmc_vem.support.errors import InputError

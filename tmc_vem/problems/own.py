@@ -22,10 +22,11 @@ from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.base import RegionEnergy, medium_region, solid_region
 from tmc_vem.problems.columns import check_names
 from tmc_vem.problems.conditions import check_conditions
-from tmc_vem.problems.description import EdgesTable, MediumTable, ProblemTable, RegionTable
+from tmc_vem.problems.description import MediumTable, ProblemTable, RegionTable
 from tmc_vem.problems.graded import ByFormulas, OfParameters
 from tmc_vem.problems.load_tables import Load
 from tmc_vem.problems.materials import Medium
+from tmc_vem.problems.mesh_tables import EdgesTable
 from tmc_vem.problems.probes import GAP, Gap, Place, Probe, check_probes
 from tmc_vem.problems.regularisers import require_traceable
 from tmc_vem.support.errors import InputError
