@@ -16,11 +16,16 @@ import numpy as np
 from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
+from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
+from tmc_vem.mesh.parts import with_names
 from tmc_vem.problems import Box, Medium
+from tmc_vem.problems.probes import Displacement, Gap
 from tmc_vem.report import animation, figures, mesh_figure, panels, plots, problem_figure
 from tmc_vem.results.records import StepRecord
 from tmc_vem.results.run_result import RunResult
+from tmc_vem.system.constraints import Prescribed, PrescribedAcross, PrescribedRotation
 from tmc_vem.system.fields import Fields, Polygons
+from tmc_vem.system.forces import BodyForce, FollowerPressure, PointForce, Spring, Traction
 
 Record = list[list[Any]]
 
@@ -182,6 +187,27 @@ def _animated(path: Path) -> Record:
         return drawn
 
 
+def _loaded() -> Any:
+    """A problem with every kind of support and load, its cells and its corners."""
+    lines = np.linspace(0.0, 2.0, 5)
+    halves = [Rectangle("body", 0.0, 1.0, 0.0, 2.0), Rectangle("medium", 1.0, 2.0, 0.0, 2.0)]
+    edges = {"left": ((0, 0), (0, 2)), "bottom": ((0, 0), (1, 0)), "top": ((0, 2), (1, 2)), "side": ((1, 0), (1, 2)),
+             "lid": ((1, 2), (2, 2)), "base": ((1, 0), (2, 0))}  # fmt: skip
+    points = {"a": (0.0, 1.0), "b": (0.5, 1.0), "c": (2.0, 1.0)}
+    mesh = with_names(structured_quadrilaterals(lines, lines, halves), points, edges)
+    slant = PrescribedAcross("base", "normal", axis=(0.6, 0.8))
+    held = [Prescribed("left", 0), Prescribed("bottom", 1), Prescribed("a", 0), Prescribed("a", 1), slant]
+    moved = [Prescribed("lid", 1, -0.25), PrescribedAcross("top", "tangential", 0.125),
+             PrescribedRotation("lid", (1.0, 1.0), 30.0)]  # fmt: skip
+    forces = [PointForce("push", "b", (3.0, -4.0)), Traction("drag", "top", (0.5, 0.0)),
+              BodyForce("weigh", ("body",), (0.0, -1.0)), FollowerPressure("blow", "side", 2.0),
+              Spring("hold", "c", (1.0, 0.0))]  # fmt: skip
+    probes = {"gap": Gap("b", "c"), "crown": Displacement("uy", "b")}
+    return problem_figure.draw_problem(
+        mesh, ["medium"], [*held, *moved], moved[0], probes, forces, cells=True, corners=[(1.0, 0.0), (1.0, 2.0)]
+    )
+
+
 def pictures() -> dict[str, Record]:
     """Every picture of the program, of small cases, by name."""
     two, many = runs(), {f"run {n}": run for n, run in enumerate([*runs().values()] * 4)}
@@ -191,6 +217,7 @@ def pictures() -> dict[str, Record]:
         "state, u_y": on_a_canvas(lambda path: figures.draw_deformed(state(), path, "a title")),
         "state, u_x": on_a_canvas(lambda path: figures.draw_deformed(state(), path, component=0)),
         "problem": of_figure(problem_figure.draw_problem(mesh, ["medium"], conditions, box.load(), box.probes())),
+        "every support and load": of_figure(_loaded()),
         "meshes": of_figure(problem_figure.draw_meshes([("one", mesh), ("two", mesh)], ["medium"])),
         "gap and reaction": of_figure(plots.gap_and_reaction(two)),
         "many runs": of_figure(plots.gap_and_reaction(many)),
