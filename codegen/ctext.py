@@ -12,6 +12,11 @@ def points_header() -> str:
     return HERE.joinpath("points.h").read_text()
 
 
+def parameters_source() -> str:
+    """Text of what makes the parameters of some cells of those of all, parameters.c."""
+    return HERE.joinpath("parameters.c").read_text()
+
+
 def points_source() -> str:
     """Text of points.c: the functions of a point at many states."""
     return HERE.joinpath("points.c").read_text()

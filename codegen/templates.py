@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from codegen.cprinter import c_expression
-from codegen.ctext import point_arithmetic_source, points_header, points_source
+from codegen.ctext import parameters_source, point_arithmetic_source, points_header, points_source
 from codegen.derive import parameter_symbol, symbol_names
 from codegen.driver import Driver
 from codegen.integrand import DEFORMATION_GRADIENT
@@ -78,6 +78,7 @@ def kernel_source(
         header,
         "const int tmc_n_rows = N_ROWS;\n",
         point_arithmetic_source(),
+        parameters_source(),
         *(_point_kernel(derived, schedules[level]) for level in LEVELS),
         points_source(),
         *([driver.source] if driver else []),

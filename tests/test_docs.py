@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers_process import clean_environment
 
@@ -90,13 +91,25 @@ def test_solids_on_the_page_of_materials_are_solids() -> None:
     import tomllib
 
     from tmc_vem.problems import Material
+    from tmc_vem.problems.base import solid_region
+    from tmc_vem.problems.description import RegionTable
     from tmc_vem.problems.solids import conversions
     from tmc_vem.support.validation import build
 
     page = (ROOT / "docs/materials.md").read_text()
-    (text,) = re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    text, graded = re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     solids = {name: build(Material, region["solid"], name) for name, region in tomllib.loads(text)["regions"].items()}
+    varying = {name: build(RegionTable, region, name) for name, region in tomllib.loads(graded)["regions"].items()}
+    finger = varying["finger"]
+    assert finger.solid is not None
+    region = solid_region(finger.solid, graded=finger.graded)
+    assert region.graded is not None
+    assert region.graded.factors(np.array([[2.0, 0.0]]), {}) == pytest.approx(np.array([[4.0, 4.0]]))
     ((heading, words),) = conversions({"regions": {"seal": {"solid": solids["seal"].as_dict()}}})
     assert f"`{heading}   {words}`" in page
     in_python = re.findall(r"Material\((.*?)\)", page)
-    assert [Material(**eval(f"dict({arguments})")).model for arguments in in_python] == ["neo_hooke", "gent"]
+    assert [Material(**eval(f"dict({arguments})")).model for arguments in in_python] == [
+        "neo_hooke",
+        "gent",
+        "neo_hooke",
+    ]

@@ -153,7 +153,11 @@ def test_options_beside_a_problem_file_arrive(tmp_path: Path, monkeypatch: pytes
         found = asked(monkeypatch, path, *words)
         assert attribute(found, where) == value, words
         assert attribute(usual, where) != value, words
-    assert {entry[0][0] for entry in chosen} == names
+    triangles = asked(monkeypatch, path, "--method", "fem", "--triangles")
+    assert (attribute(triangles, "settings.fem.triangles"), attribute(usual, "settings.fem.triangles")) == (True, False)
+    further = asked(monkeypatch, path, "--set", "load.uy=-0.125")
+    assert (further["problem"].load().value, usual["problem"].load().value) == (-0.125, -0.25)
+    assert {entry[0][0] for entry in chosen} | {"--triangles", "--set"} == names
 
 
 # -- problems --------------------------------------------------------------------------------------------------------

@@ -159,11 +159,13 @@ def test_a_run_goes_on_with_all_that_its_checkpoint_has(tmp_path: Path, monkeypa
     history = [step, replace(step, step=2, seconds=7.5)]
     facts = {
         "inputs": {"a": 1}, "controls": [[0.25], [0.5]], "history": [dict(vars(record)) for record in history],
-        "snapshots": [[0.5, ["x.vtu"]]],
+        "snapshots": [[0.5, ["x.vtu"]]], "stage": 1,
         "position": {"time": 0.5, "size": 0.125, "number": 2, "stiffer": [[0.25, 10.0]], "far_at": 0.75, "rate": 1.5},
     }  # fmt: skip
     labels = np.zeros((1, 3))
-    checkpoint = SimpleNamespace(facts=facts, values_at=lambda given: np.array([[[1.0, 2.0]], [[3.0, 4.0]]]))
+    checkpoint = SimpleNamespace(
+        facts=facts, values_at=lambda given: np.array([[[1.0, 2.0]], [[3.0, 4.0]], [[5.0, 6.0]]])
+    )
     monkeypatch.setattr("tmc_vem.simulation.recorder.Checkpoint", SimpleNamespace(read=lambda path: checkpoint))
     said: list[Any] = []
     made: Any = Recorder.__new__(Recorder)
@@ -172,6 +174,8 @@ def test_a_run_goes_on_with_all_that_its_checkpoint_has(tmp_path: Path, monkeypa
         inputs={"a": 1}, _node_labels=labels, watch=SimpleNamespace(go_on=lambda given: said.append(("watch", given))),
         _on_root=True, _snapshots=SimpleNamespace(restore=lambda given: said.append(("snapshots", given))),
         _headings=lambda record: {"of": record.step},
+        system=SimpleNamespace(remember=lambda stage, kept: said.append(("stage", stage, [k.tolist() for k in kept]))),
+        _read_again=lambda u: said.append(("read", u.getArray().tolist())),
     )  # fmt: skip
     u = at(0.0, 0.0)
     states, position = made.restore(u)
@@ -179,7 +183,10 @@ def test_a_run_goes_on_with_all_that_its_checkpoint_has(tmp_path: Path, monkeypa
     assert [control.tolist() for control in states.controls] == [[0.25], [0.5]]
     assert u.getArray().tolist() == [3.0, 4.0]
     assert position == StepperState(0.5, 0.125, 2, ((0.25, 10.0),), 0.75, 1.5)
-    assert said == [("watch", history), ("history", history, {"of": 2}), ("snapshots", [[0.5, ["x.vtu"]]])]
+    assert said == [
+        ("stage", 1, [[5.0, 6.0]]), ("watch", history), ("history", history, {"of": 2}),
+        ("snapshots", [[0.5, ["x.vtu"]]]), ("read", [3.0, 4.0]),
+    ]  # fmt: skip
     assert (made.history, made._seconds_before, made._plain_history[1]["step"]) == (history, 7.5, 2)
     made.inputs = {"a": 2}
     with pytest.raises(InputError, match="the checkpoint was made with a = 1, not 2: start anew"):
