@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tmc_vem import run
+from tmc_vem import RunResult, run
 from tmc_vem.simulation.problem_file import read_problem
 
 
-def test_a_bistable_cell_stays_below_when_the_pressure_is_gone(tmp_path: Path) -> None:
-    """The arch of the example alone: as often before, floor and medium would only cost time."""
-    text = (Path(__file__).parents[2] / "demos" / "problems" / "bistable.toml").read_text()
+def arch_alone(name: str, folder: Path) -> RunResult:
+    """An example of the arch without floor and medium, as often before: they would only cost time."""
+    text = (Path(__file__).parents[2] / "demos" / "problems" / f"{name}.toml").read_text()
     text, n = re.subn(r"\[regions\.floor\].*(?=\[mesh\])", "", text, flags=re.DOTALL)
     assert n == 1
     for line in (
@@ -23,10 +23,15 @@ def test_a_bistable_cell_stays_below_when_the_pressure_is_gone(tmp_path: Path) -
     ):  # fmt: skip
         assert text.count(line) == 1, line
         text = text.replace(line, "")
-    (tmp_path / "cell.toml").write_text(text)
-    problem, options = read_problem(tmp_path / "cell.toml")
+    (folder / "arch.toml").write_text(text)
+    problem, options = read_problem(folder / "arch.toml")
     result = run(problem, None, options)
     assert result.complete
+    return result
+
+
+def test_a_bistable_cell_stays_below_when_the_pressure_is_gone(tmp_path: Path) -> None:
+    result = arch_alone("bistable", tmp_path)
     (through,) = [step for step in result.history if step.jumped]
     assert 0.25 < through.load < 0.35
     full, last = min(result.history, key=lambda step: abs(step.load - 1.0)), result.history[-1]
@@ -35,6 +40,20 @@ def test_a_bistable_cell_stays_below_when_the_pressure_is_gone(tmp_path: Path) -
     assert last.probes["crown"] == pytest.approx(-0.338, abs=0.005)
     assert full.probes["crown"] < last.probes["crown"]
     assert last.energy["arch"] > 0.5 * through.energy["arch"] > 0.0
+
+
+def test_a_lid_is_followed_through_its_limit_points_under_a_force(tmp_path: Path) -> None:
+    result = arch_alone("snap", tmp_path)
+    loads, crowns = ([of(step) for step in result.history] for of in (lambda s: s.load, lambda s: s.probes["crown"]))
+    first = next(n for n in range(len(loads)) if loads[n + 1] < loads[n])
+    assert loads[first] == pytest.approx(0.373, abs=0.01)
+    assert -0.1 < crowns[first] < -0.06
+    assert min(loads) < -0.15  # it has to be held back before it lies below
+    assert (loads[-1], crowns[-1]) == (1.0, pytest.approx(-0.389, abs=0.005))
+    pivots = [step.negative_pivots for step in result.history]
+    assert pivots[first + 2] == 1
+    assert pivots[0] == pivots[-1] == 0
+    assert result.history[-1].forces["push"]["force_y"] == pytest.approx(-2e-3)
 
 
 def test_a_pneumatic_finger_presses_on_a_block(tmp_path: Path) -> None:

@@ -301,8 +301,10 @@ def test_the_medium_in_contact_is_judged_by_the_last_step_to_the_quoted_load() -
     (said,) = texts(before, now)
     assert said.startswith("20% of the final reaction squeezes")
     for changes in ({"parameters": {"gamma": 1e-5}}, {"displacement": -0.5}, {"jumped": True},
-                    {"min_j": {"solid": 0.8, "medium": 0.5}}):  # fmt: skip
+                    {"min_j": {"solid": 0.8, "medium": 0.5}}, {"forces": {"push": {"force_y": 1.0}}}):  # fmt: skip
         assert not any("squeezes" in text for text in texts(before, record(**{**vars(now), **changes})))
+    spring = record(**{**vars(now), "forces": {"pad": {"force_y": 1.0, "energy": 2.0}}})
+    assert texts(before, spring) == [said]
     open_medium = record(**{**vars(now), "min_j": {"solid": 0.8, "medium": 0.3}})
     assert texts(before, now, complete=False) == texts(before, open_medium, media=()) == []
     assert texts(now, before) == [

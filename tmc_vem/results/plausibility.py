@@ -158,12 +158,12 @@ def medium_before_contact(evidence: Evidence) -> Iterable[Finding]:
 
 
 def medium_in_contact(evidence: Evidence) -> Iterable[Finding]:
-    """The part of the quoted reaction that works on the medium instead of the bodies."""
+    """The part of the quoted reaction that works on the medium instead of the bodies; a force that acts is known."""
     if not (evidence.history and evidence.media and evidence.complete):
         return
     n = evidence.quoted
     now, before = evidence.history[n], evidence.history[n - 1] if n else None
-    if not evidence.squeezed(now) or now.jumped:
+    if not evidence.squeezed(now) or now.jumped or _is_pushed(now):
         return
     if before is None:
         work, medium = sum(now.energy.values()), evidence.in_medium(now)
@@ -179,6 +179,11 @@ def medium_in_contact(evidence: Evidence) -> Iterable[Finding]:
             f"{_percent(min(share, 1.0))} of the final reaction squeezes the medium and not the bodies (more than "
             f"{MEDIUM_REACTION:.0%} counts; it is off by about as much): use a smaller gamma or alpha_r",
         )
+
+
+def _is_pushed(record: StepRecord) -> bool:
+    """Whether forces act, other than those of springs."""
+    return any("energy" not in measures for measures in record.forces.values())
 
 
 def stiffer_medium(evidence: Evidence) -> Iterable[Finding]:
