@@ -1,4 +1,4 @@
-"""``tmc-vem check FILE.toml``: what a run would check and what the problem consists of, in about a second."""
+"""``tmc-vem check FILE.toml``: what a run would check and what the problem consists of, in a second or two."""
 
 from __future__ import annotations
 

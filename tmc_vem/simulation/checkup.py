@@ -1,6 +1,6 @@
 """What there is to say about a problem before it is run: all that a run checks, and what it consists of.
 
-Nothing is compiled or solved, and PETSc is not loaded: it takes about a second. Energies of the user's own are
+Nothing is compiled or solved, and PETSc is not loaded: it takes a second or two. Energies of the user's own are
 compiled, as only that shows all that can be wrong with them; the run finds their kernels in the cache.
 """
 
