@@ -137,7 +137,7 @@ def _loaded(mesh: PolygonMesh, media: Collection[str], forces: Sequence[Force]) 
         vector = np.array(force.traction if isinstance(force, Traction) else force.force)
         if isinstance(force, BodyForce):
             numbers = [mesh.region_names.index(name) for name in force.regions]
-            cells = [list(mesh.cells())[c] for c in np.flatnonzero(np.isin(mesh.region_c, numbers))]
+            cells = [mesh.cell(c) for c in np.flatnonzero(np.isin(mesh.region_c, numbers)).tolist()]
             places = [np.mean([mesh.points_vx[cell].mean(axis=0) for cell in cells], axis=0)]
         else:
             places = list(_some(mesh, force.where, 7))
