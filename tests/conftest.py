@@ -39,3 +39,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures of reports are made but not drawn, for tests of the words: drawing takes nearly all the time."""
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: None)
+
+
+@pytest.fixture(scope="module", params=("vem", "fem"))
+def method(request: pytest.FixtureRequest) -> str:
+    """Both methods, finite elements where dolfinx is."""
+    if request.param == "fem":
+        pytest.importorskip("dolfinx")
+    return str(request.param)

@@ -19,6 +19,7 @@ from tmc_vem.problems.base import RegionEnergy, solid_region
 from tmc_vem.problems.probes import Probe
 from tmc_vem.support.units import Units
 from tmc_vem.system.constraints import Prescribed
+from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.forces import BodyForce, CavityPressure, FollowerPressure, Force, PointForce, Spring, Traction
 from tmc_vem.vem.spaces.element_settings import ElementSettings
@@ -167,3 +168,25 @@ class Parts:
 
     def inputs(self) -> dict[str, Any]:
         return {"problem": self.name}
+
+
+@dataclass(frozen=True)
+class Squared:
+    """Grows with the square of the load factor."""
+
+    def at(self, position: Control) -> float:
+        return position.load**2
+
+    def per_load(self, position: Control) -> float:
+        return 2.0 * position.load
+
+
+def random(system: Any, size: float, seed: int) -> Any:
+    vector = system.create_vector()
+    array = vector.getArray()
+    array[:] = np.random.default_rng(seed).uniform(-size, size, len(array))
+    return vector
+
+
+def smooth(x: Float) -> Float:
+    return 0.1 * np.column_stack([x[:, 0] * (1.0 + x[:, 1]) - x[:, 1] ** 2, 0.5 * x[:, 1] - x[:, 0] * x[:, 1]])

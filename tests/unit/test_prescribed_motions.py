@@ -19,13 +19,6 @@ METHODS = ("vem", "fem")
 ANGLE = 30.0
 
 
-@pytest.fixture(scope="module", params=METHODS)
-def method(request: Any) -> str:
-    if request.param == "fem":
-        pytest.importorskip("dolfinx")
-    return str(request.param)
-
-
 @pytest.fixture(scope="module")
 def straight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("straight")

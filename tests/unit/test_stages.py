@@ -17,7 +17,6 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.system.control import Control
 from tmc_vem.system.stage import Stage, check_stages
 
-METHODS = ("vem", "fem")
 # Pulled while the top is held in y; then the top is let go and the right end held where it is by a new support.
 TEXT = """[[stage]]
 name = "pull"
@@ -51,13 +50,6 @@ ALWAYS = TEXT.replace('stage = ["pull", "again"]\n', "")
 NEVER = TEXT.replace('[[support]]\nat = "top"\nuy = 0\nstage = ["pull", "again"]\n', "").replace(
     'top = { reaction = "uy", at = "top" }\n', ""
 )
-
-
-@pytest.fixture(scope="module", params=METHODS)
-def method(request: Any) -> str:
-    if request.param == "fem":
-        pytest.importorskip("dolfinx")
-    return str(request.param)
 
 
 @pytest.fixture(scope="module")
