@@ -21,6 +21,7 @@ from tmc_vem.problems.solids import Material
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.formulas import Formula
 from tmc_vem.support.validation import require_known, require_positive
+from tmc_vem.system.enclosed import shown_place
 from tmc_vem.system.graded import Graded
 
 Float = NDArray[np.float64]
@@ -223,4 +224,4 @@ def check_cells(mesh: PolygonMesh, graded: Mapping[str, Graded | None]) -> None:
 
 
 def _at(point_x: Float) -> str:
-    return f"around ({point_x[0]:.6g}, {point_x[1]:.6g})"
+    return f"around {shown_place(point_x)}"

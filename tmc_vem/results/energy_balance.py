@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from tmc_vem.results.records import StepRecord
+from tmc_vem.results.records import StepRecord, is_spring
 
 
 @dataclass(frozen=True)
@@ -95,10 +95,10 @@ def _work(before: Mapping[str, float], now: Mapping[str, float]) -> tuple[float,
         before, now: the force's measures; nothing before the first step, when all is in the reference state. What acts
             there already is taken as brought up in the first step, springs as there before.
     """
-    is_spring = "energy" in now
-    first, last = before.get("amplitude", now["amplitude"] if is_spring else 0.0), now["amplitude"]
+    spring = is_spring(now)
+    first, last = before.get("amplitude", now["amplitude"] if spring else 0.0), now["amplitude"]
     start, end = before.get("potential", 0.0), now["potential"]
     doubt = 0.5 * abs((last - first) * (end - start))
-    if is_spring:
+    if spring:
         return -0.5 * (start + end) * (last - first), doubt
     return 0.5 * (first + last) * (end - start), doubt

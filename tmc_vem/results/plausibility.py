@@ -14,7 +14,7 @@ from typing import Any
 
 from tmc_vem.results.contact.contact import Overlap
 from tmc_vem.results.energy_balance import energy_balance
-from tmc_vem.results.records import StepRecord
+from tmc_vem.results.records import StepRecord, is_spring
 
 ERROR, WARNING = "error", "warning"
 LARGE_GAMMA = 1e-2
@@ -183,7 +183,7 @@ def medium_in_contact(evidence: Evidence) -> Iterable[Finding]:
 
 def _is_pushed(record: StepRecord) -> bool:
     """Whether forces act, other than those of springs."""
-    return any("energy" not in measures for measures in record.forces.values())
+    return not all(is_spring(measures) for measures in record.forces.values())
 
 
 def stiffer_medium(evidence: Evidence) -> Iterable[Finding]:

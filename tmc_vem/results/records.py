@@ -31,6 +31,11 @@ SHOWN_OF_SPRINGS = ("force_x", "force_y", "energy")
 MARKS = (RESULT, BEGUN, COMMAND, CHECKPOINT)
 
 
+def is_spring(measures: Mapping[str, float]) -> bool:
+    """Whether measures by name, those of an entry of ``StepRecord.forces``, are a spring's: it alone has an energy."""
+    return "energy" in measures
+
+
 @dataclass(frozen=True)
 class StepRecord:
     """A converged load step.
@@ -90,7 +95,7 @@ class StepRecord:
         found = dict(self.probes)
         for name, values in self.forces.items():
             hidden = {"moment"} if "amplitude" in values else set()  # of forces, about the origin: in the files alone
-            shown = {*(SHOWN_OF_SPRINGS if "energy" in values else SHOWN)} - hidden
+            shown = {*(SHOWN_OF_SPRINGS if is_spring(values) else SHOWN)} - hidden
             found |= {name + OF + quantity: value for quantity, value in values.items() if quantity in shown}
         return found
 
