@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.system.fields import Fields
 
 State = tuple[str, Fields]
+REST = 1500  # milliseconds that the last state stays longer
 
 
 def states_of(result: RunResult) -> list[State]:
@@ -54,30 +54,32 @@ def animate(states: Sequence[State], path: Path, *, quantity: str = "uy", second
         quantity: 'ux', 'uy', 'J' or 'energy'.
         seconds_each: how long each state is shown.
     """
-    from matplotlib.animation import FuncAnimation, PillowWriter
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from PIL import Image
 
     lows, highs = bounds([fields for _, fields in states])
     low, high = lows.min(axis=0), highs.max(axis=0)
     margin = 0.03 * float((high - low).max())
     aspect = (high[1] - low[1]) / (high[0] - low[0])
-    figure = Figure(figsize=(7.0, float(np.clip(6.6 * aspect, 1.4, 8.0)) + 0.6), layout="constrained")
-    FigureCanvasAgg(figure)
+    size = (7.0, float(np.clip(6.6 * aspect, 1.4, 8.0)) + 0.6)
+    figure = Figure(figsize=size, dpi=80, layout="constrained")
+    canvas = FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     scale = colour_scale(quantity, [fields for _, fields in states])
 
-    def show(frame: int) -> list[Any]:
+    frames = []
+    for title, fields in states:
         axes.clear()
-        title, fields = states[min(frame, len(states) - 1)]
         draw_state(axes, fields, quantity, scale)
         axes.set_xlim(low[0] - margin, high[0] + margin)
         axes.set_ylim(low[1] - margin, high[1] + margin)
         axes.set_title(title, fontsize=9)
         axes.tick_params(labelsize=7)
-        return []
-
-    rest = max(1, round(1.5 / seconds_each))
-    FuncAnimation(figure, show, frames=len(states) + rest, blit=False).save(
-        path, writer=PillowWriter(fps=round(1.0 / seconds_each)), dpi=80
+        canvas.draw()
+        figure.set_layout_engine("none")  # that of the first frame is that of all
+        frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+    each = round(1000.0 * seconds_each)
+    frames[0].save(
+        path, save_all=True, append_images=frames[1:], loop=0, duration=[each] * (len(frames) - 1) + [each + REST]
     )
