@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from mpi4py import MPI
 from numpy.typing import NDArray
 
 from codegen.integrand import Integrand
@@ -38,6 +39,7 @@ from tmc_vem.system.unloaded import Unloaded, require_regions
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 Components = Callable[[tuple[int, ...]], NDArray[Any]]
 
 CELLS_AT_ONCE = 4096  # whose dense arrays are held at a time
@@ -90,6 +92,7 @@ class FemSystem(Unloaded):
         self._values = {name: dict(region.values) for name, region in regions.items()}
         self._factors = {name: self._factors_of(number) for number, name in enumerate(self.region_names)}
         self._tangent: Mat | None = None
+        self._partial_forms: dict[bytes, Any] = {}
         self._load_nodes: Float | None = None
         held = Constrained.of(prescribed, self.nodes.named, self.nodes.points_nx)
         self._constrained = held.along_x_and_y()
@@ -186,6 +189,12 @@ class FemSystem(Unloaded):
         """Force and moment (3,) that hold a named point or edge set."""
         nodes = self.owned_nodes(where)
         return resultant(self.comm, u, residual, nodes, self.nodes.points_nx[nodes], about)
+
+    def internal_forces(self, u: Vec, chosen_c: Bool) -> Float:
+        """(n_owned_nodes, 2) forces with which some cells of all ranks resist at this rank's nodes."""
+        self._local_values(u)
+        compat.assemble_vector(self._gradient, self._residual_form_of(chosen_c))
+        return DISPLACEMENT.nodal(self._gradient.x.array)[: self.nodes.n_owned].copy()
 
     def owned_nodes(self, where: str) -> Int:
         """Nodes at a named point or edge set that this rank owns, as positions in its part of a vector."""
@@ -295,6 +304,14 @@ class FemSystem(Unloaded):
     @functools.cached_property
     def _residual_form(self) -> Any:
         return compat.form(self.forms.residual)
+
+    def _residual_form_of(self, chosen_c: Bool) -> Any:
+        """That of some cells alone; kept, as the same ones are asked for again."""
+        known = self._partial_forms
+        key = chosen_c.tobytes()
+        if self.comm.allreduce(key not in known, op=MPI.LOR):  # making a form is for all ranks together
+            known[key] = compat.form(self.forms.residual_of(np.flatnonzero(chosen_c)))
+        return known[key]
 
     @functools.cached_property
     def _tangent_form(self) -> Any:

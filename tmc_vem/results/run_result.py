@@ -93,6 +93,12 @@ class RunResult:
         return self.last.forces if self.last else {}
 
     @property
+    def contact(self) -> Mapping[str, Mapping[str, float]]:
+        """Forces of the medium on bodies, and contact of pairs of outlines, by their names at the last converged step;
+        see :mod:`tmc_vem.results.contact.pairs`."""
+        return self.last.contact if self.last else {}
+
+    @property
     def reported(self) -> Mapping[str, float]:
         """Probes, and what is shown of loads, at the last converged step."""
         return self.last.reported if self.last else {}
@@ -150,6 +156,7 @@ class RunResult:
             "reaction": self.reaction,
             "probes": dict(self.probes),
             **({"loads": {name: dict(values) for name, values in self.loads.items()}} if self.loads else {}),
+            **({"contact": {name: dict(values) for name, values in self.contact.items()}} if self.contact else {}),
             "min_j": dict(self.min_j),
             "energy": dict(last.energy) if last else {},
             "units": dict(self.units),

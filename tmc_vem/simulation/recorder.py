@@ -26,6 +26,7 @@ from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import how_to_go_on
 from tmc_vem.simulation.balance import balance
 from tmc_vem.simulation.checkpoint import DURABLE, Checkpoint
+from tmc_vem.simulation.contact_gauge import ContactGauge
 from tmc_vem.simulation.gauge import Gauge
 from tmc_vem.simulation.measured import LoadGauge, Reading
 from tmc_vem.simulation.monitor import Monitor
@@ -73,6 +74,7 @@ class Recorder:
         self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
         self.gauge, self.monitor, self.timer, self.watch = gauge, monitor, timer, watch
         self.loads = LoadGauge(problem, system)
+        self.contact = ContactGauge(system, media_of(problem), int(inputs["order"]))
         self._read: Reading | None = None
         self._inverted: dict[str, Any] = {}
         self.history: list[StepRecord] = []
@@ -119,6 +121,7 @@ class Recorder:
                 load_force=self._load_force(residual, step.control),
                 load_work=reading.work,
                 forces=reading.loads,
+                contact=self.contact.read(u, residual, step.control),
             )
             self._add_to_history(record)
         if self._snapshots is not None:
@@ -374,6 +377,7 @@ class Recorder:
         by_name = {load.name + OF + quantity: KINDS[quantity] for load in named for quantity in quantities_of(load)}
         first = dict(zip(("displacement", "reaction"), pair_of(self.problem.load()), strict=True))
         kinds |= by_name | {name: KINDS[quantity] for name, quantity in first.items()}
+        kinds |= self.contact.kinds(record.contact if record else {})
         by_region = [f"{group}{name}" for group in ("min_j_", "energy_") for name in self.problem.regions()]
         columns = (
             ["displacement", *self.gauge.probes, "reaction", *by_region, *by_name]

@@ -22,6 +22,7 @@ from tmc_vem.system.turned import Turned
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -201,6 +202,15 @@ class Discretisation(NonlinearSystem, PointSource, Protocol):
     def resultant(self, u: Vec, residual: Vec, where: str, about: Pair) -> Float:
         """Resultant (3,) of what holds a named point or edge set: the force's components, and its moment about a point
         in the deformed state; equal on all ranks."""
+
+    def internal_forces(self, u: Vec, chosen_c: Bool) -> Float:
+        """(n_owned_nodes, 2) forces along x and y with which some cells (n_cells,) of this rank, and those of the
+        others, resist at the nodes of this rank's part of a vector: the gradient of their energies, what is on the
+        sides between cells left out."""
+
+    def external_forces(self, u: Vec, position: Control) -> Float:
+        """(n_owned_nodes, 2) forces along x and y with which forces and springs act on the same nodes, at a position
+        on the path."""
 
     def measures(self, u: Vec, position: Control) -> dict[str, dict[str, float]]:
         """What there is to say about every force and spring at a state and a position on the path, by its name; see

@@ -52,6 +52,23 @@ class Polygons:
         """Points of cell ``c``."""
         return self.connectivity[self.offsets[c] : self.offsets[c + 1]]
 
+    @staticmethod
+    def merge(parts: Sequence[Polygons]) -> Polygons:
+        """Cells of several ranks as one; points on borders between ranks stay doubled."""
+        first_point = np.cumsum([0, *(len(part.points_nx) for part in parts)])
+        first_entry = np.cumsum([0, *(len(part.connectivity) for part in parts)])
+        offsets = [part.offsets[:-1] + start for part, start in zip(parts, first_entry, strict=False)]
+        return Polygons(
+            points_nx=np.concatenate([part.points_nx for part in parts]),
+            offsets=np.concatenate([*offsets, first_entry[-1:]]),
+            connectivity=np.concatenate(
+                [part.connectivity + start for part, start in zip(parts, first_point, strict=False)]
+            ),
+            region_c=np.concatenate([part.region_c for part in parts]),
+            region_names=parts[0].region_names,
+            media=parts[0].media,
+        )
+
 
 @dataclass(frozen=True)
 class Fields:
@@ -73,19 +90,7 @@ class Fields:
     @staticmethod
     def merge(parts: Sequence[Fields]) -> Fields:
         """Fields of several ranks as one; points on borders between ranks stay doubled."""
-        first_point = np.cumsum([0, *(len(part.polygons.points_nx) for part in parts)])
-        first_entry = np.cumsum([0, *(len(part.polygons.connectivity) for part in parts)])
-        offsets = [part.polygons.offsets[:-1] + start for part, start in zip(parts, first_entry, strict=False)]
-        polygons = Polygons(
-            points_nx=np.concatenate([part.polygons.points_nx for part in parts]),
-            offsets=np.concatenate([*offsets, first_entry[-1:]]),
-            connectivity=np.concatenate(
-                [part.polygons.connectivity + start for part, start in zip(parts, first_point, strict=False)]
-            ),
-            region_c=np.concatenate([part.polygons.region_c for part in parts]),
-            region_names=parts[0].polygons.region_names,
-            media=parts[0].polygons.media,
-        )
+        polygons = Polygons.merge([part.polygons for part in parts])
         return Fields(
             polygons,
             *(

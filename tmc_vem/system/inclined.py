@@ -25,6 +25,7 @@ from tmc_vem.system.turned import Turned
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 
 
 def with_axes(system: Discretisation) -> Discretisation:
@@ -120,6 +121,10 @@ class TurnedSystem:
         """Force and moment (3,) that hold a named point or edge set."""
         self._turn(residual, self._du)
         return self._system.resultant(self._plain(u), self._du, where, about)
+
+    def internal_forces(self, u: Vec, chosen_c: Bool) -> Float:
+        """(n_owned_nodes, 2) forces along x and y with which some cells resist."""
+        return self._system.internal_forces(self._plain(u), chosen_c)
 
     def nodal_values(self, u: Vec) -> Float:
         """Values (n_nodes, 2) of this rank's nodes, ghosts included."""

@@ -45,6 +45,7 @@ from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 T = TypeVar("T")
 Evaluated = tuple[list[CellValues], list[tuple[SideTerms, tuple[Float, Float]]]]  # of blocks, and of sides
 
@@ -234,6 +235,22 @@ class VemSystem(Unloaded):
         nodes = self._named_nodes(where)
         points_nx = node_points(self.distributed, self.dofmap)[nodes[self.dofmap.owned_node_n[nodes] >= 0]]
         return resultant(self.comm, u, residual, self.owned_nodes(where), points_nx, about)
+
+    def internal_forces(self, u: Vec, chosen_c: Bool) -> Float:
+        """(n_owned_nodes, 2) forces with which some cells of all ranks resist at this rank's nodes."""
+        u_nodes = self._local_values(u)
+        total = np.zeros_like(u_nodes)
+
+        def compute() -> None:
+            for block in self.blocks:
+                chosen = np.flatnonzero(chosen_c[block.cells])
+                if len(chosen):
+                    block.kernel.cells(block.batch.take(chosen), u_nodes, block.parameters, total)
+
+        self._together(compute)
+        vector = self.create_vector()
+        self._add(total.ravel(), vector)
+        return DISPLACEMENT.nodal(vector.getArray(readonly=True)).copy()
 
     def owned_nodes(self, where: str) -> Int:
         """Nodes at a named point or edge set that this rank owns, as positions in its part of a vector."""

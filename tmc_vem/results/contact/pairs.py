@@ -1,0 +1,172 @@
+"""Outlines that face each other across the medium, two by two, and what is said of the contact between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.results.contact.bump import Bump, vanishes
+from tmc_vem.results.contact.facing import Facing, facing
+from tmc_vem.results.contact.traction import Traction
+from tmc_vem.support.units import ENERGY, FORCE, LENGTH, STRESS
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+Bool = NDArray[np.bool_]
+Quantities = Mapping[str, float]
+
+# What is reported, with its kind; of a pair, the force is that on the first body.
+OF_BODY = {"force": FORCE, "force_x": FORCE, "force_y": FORCE, "moment": ENERGY}
+OF_PAIR = {
+    **OF_BODY,
+    "gap": LENGTH,
+    "pressure_max": STRESS,
+    "pressure_fit": STRESS,
+    "half_width": LENGTH,
+    "contact_length": LENGTH,
+    "centre_x": LENGTH,
+    "centre_y": LENGTH,
+}
+SHOWN_OF_BODY, SHOWN_OF_PAIR = ("force",), ("force", "pressure_max", "half_width")
+CLOSED = 0.1  # contact is where the gap has shrunk to less than this part of what it was
+LEVEL = 0.5  # of the largest pressure: what is above it makes the width
+FADED = 0.1  # of the largest pressure: contact has ended where it is below
+
+
+def is_pair(values: Quantities) -> bool:
+    """Whether quantities are those of a pair."""
+    return "pressure_max" in values
+
+
+def shown(contact: Mapping[str, Quantities]) -> dict[tuple[str, str], float]:
+    """What is said of contact that is not in the files alone, by name of body or pair, and quantity.
+
+    The force on the only body is left out if it faces itself: it is none but for what holds the medium.
+    """
+    pairs = [name for name, values in contact.items() if is_pair(values)]
+    alone = len(contact) - len(pairs) == 1 and bool(pairs)
+    return {
+        (name, quantity): values[quantity]
+        for name, values in contact.items()
+        for quantity in (SHOWN_OF_PAIR if name in pairs else () if alone else SHOWN_OF_BODY)
+        if quantity in values
+    }
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two outlines that face each other: of two bodies, or two parts of one body's.
+
+    Attributes:
+        bodies: numbers of the bodies; twice the same where a body faces itself.
+        first_n, second_n: (n,) stations of the first and of the second one that face the other. Where a body faces
+            itself, those of the first one come before what they face along its lines.
+    """
+
+    bodies: tuple[int, int]
+    first_n: Bool
+    second_n: Bool
+
+
+def pairs_of(traction: Traction, seen: Facing) -> list[Pair]:
+    """All pairs in a state, in the order of the bodies."""
+    body, station = traction.surface.body_n, seen.station_n
+    sees = station >= 0
+    mine, other = body, np.where(sees, body[station], -1)
+    first_of = (mine < other) | ((mine == other) & (np.arange(len(body)) < station))
+    low, high = np.minimum(mine, other), np.maximum(mine, other)
+    found = sorted(set(zip(low[sees].tolist(), high[sees].tolist(), strict=True)))
+    between = {pair: sees & (low == pair[0]) & (high == pair[1]) for pair in found}
+    return [Pair(pair, chosen & first_of, chosen & ~first_of) for pair, chosen in between.items()]
+
+
+def pair_name(bodies: Sequence[str], pair: tuple[int, int]) -> str:
+    """Name of a pair: those of its bodies."""
+    return "-".join(bodies[body] for body in pair)
+
+
+def measure(traction: Traction) -> dict[str, dict[str, float]]:
+    """What is reported of a state, by name of body and of pair: see :data:`OF_BODY` and :data:`OF_PAIR`.
+
+    What belongs to the width is left out as long as the gap is open, and where the pressure is that of no round
+    contact.
+    """
+    surface, seen = traction.surface, facing(traction)
+    found = {name: traction.resultant(surface.body_n == body) for body, name in enumerate(surface.bodies)}
+    for pair in pairs_of(traction, seen):
+        found[pair_name(surface.bodies, pair.bodies)] = _measure(traction, seen, pair)
+    return found
+
+
+def _measure(traction: Traction, seen: Facing, pair: Pair) -> dict[str, float]:
+    both = pair.first_n | pair.second_n
+    found = traction.resultant(pair.first_n)
+    found["gap"] = float(seen.gap_n[both].min())
+    found["pressure_max"] = float(traction.pressure_n[both].max())
+    peak = int(np.flatnonzero(both)[traction.pressure_n[both].argmax()])
+    reference = traction.surface.points_nx
+    apart = float(np.hypot(*(reference[peak] - reference[seen.station_n[peak]])))
+    if found["pressure_max"] <= 0.0 or not seen.gap_n[peak] < CLOSED * apart:
+        return found
+    return found | _width(traction, pair)
+
+
+def _width(traction: Traction, pair: Pair) -> dict[str, float]:
+    """Width and centre of contact, from the pressures of both outlines along their common tangent."""
+    runs = [_run(traction, chosen) for chosen in (pair.first_n, pair.second_n) if chosen.any()]
+    stations = np.concatenate([run for run, _ in runs])
+    weight, pressure = traction.weight_n[stations], traction.pressure_n[stations]
+    strength = weight * pressure
+    outwards = np.where(pair.first_n[stations], 1.0, -1.0)[:, None]
+    along = (strength[:, None] * outwards * traction.tangent_ni[stations]).sum(axis=0)
+    along /= np.hypot(*along)
+    middle = (strength @ traction.points_nx[stations]) / strength.sum()
+    x_n = (traction.points_nx - middle) @ along
+    x = x_n[stations]
+    bump = Bump.fit(x, pressure, weight)
+    centre = 0.0 if bump is None else bump.centre
+    found: dict[str, float] = {}
+    if bump is not None:
+        found |= {"pressure_fit": bump.pressure, "half_width": bump.half_width}
+    ends = []
+    for sign in (-1.0, 1.0):
+        flank = sign * (x - centre) >= 0.0
+        limit = max((float((sign * x_n[beyond]).max()) for _, beyond in runs if len(beyond)), default=np.inf)
+        limit = max(limit, float((sign * x).max()))
+        ends.append(sign * vanishes(sign * x[flank], pressure[flank], weight[flank], limit))
+    found["contact_length"] = ends[1] - ends[0]
+    if bump is None:
+        centre = 0.5 * (ends[0] + ends[1])
+    found |= dict(zip(("centre_x", "centre_y"), (middle + centre * along).tolist(), strict=True))
+    return found
+
+
+def _run(traction: Traction, chosen: Bool) -> tuple[Int, Int]:
+    """Stations around the largest pressure of some with more than half of it, as far as they follow each other; and on
+    both sides the first one beyond at which contact has ended."""
+    surface, pressure = traction.surface, traction.pressure_n
+    peak = int(np.flatnonzero(chosen)[pressure[chosen].argmax()])
+    line = np.flatnonzero(surface.line_n == surface.line_n[peak])
+    closed = bool(surface.closed_l[surface.line_n[peak]])
+    level, faded = LEVEL * pressure[peak], FADED * pressure[peak]
+    here = peak - int(line[0])
+    run, beyond = [peak], []
+    for step in (-1, 1):
+        above = True
+        for n in range(1, len(line)):
+            at = here + step * n
+            if not closed and not 0 <= at < len(line):
+                break
+            station = int(line[at % len(line)])
+            above = above and bool(pressure[station] > level)
+            if above and station not in run:
+                run.append(station)
+            if pressure[station] < faded:
+                beyond.append(station)
+                break
+        else:
+            continue
+    return np.array(run), np.array(beyond, dtype=np.int64)
