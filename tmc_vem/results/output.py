@@ -87,15 +87,14 @@ class SnapshotWriter:
         pieces = [piece for file in files if file.suffix == ".pvtu" for piece in file.parent.glob(f"{file.stem}_*.vtu")]
         return all(file.is_file() and file.stat().st_size > 0 for file in (*files, *pieces))
 
-    def offer(self, step: int, load: float, u: Vec) -> None:
-        """Write this step if one of the selected loads has been reached; called on all ranks."""
-        if self._pending and load >= self._pending[0] - 1e-9:
-            self.write(step, load, u)
+    def offer(self, step: int, load: float, u: Vec) -> bool:
+        """Write this step if one of the selected loads has been reached; whether it was. Called on all ranks."""
+        return bool(self._pending) and load >= self._pending[0] - 1e-9 and self.write(step, load, u)
 
-    def write(self, step: int, load: float, u: Vec) -> None:
-        """Write this step unless it is there already; called on all ranks."""
+    def write(self, step: int, load: float, u: Vec) -> bool:
+        """Write this step unless it is there already; whether it was written. Called on all ranks."""
         if self.entries and load <= self.entries[-1][0]:
-            return
+            return False
         self._pending = [wanted for wanted in self._pending if wanted > load + 1e-9]
         comm = self._system.comm
         fields = fields_of(self._system, u, self._polygons)
@@ -107,6 +106,7 @@ class SnapshotWriter:
             cut = Fields(self._parts.polygons, self._parts.displacements(u), *(values[cell_t] for values in of_cells))
             self._write_pieces(f"{TRIANGULATED}_{step:05d}", self._part_writer, cut)
         on_root(comm, self._collect)
+        return True
 
     def _write_pieces(self, name: str, writer: VtuWriter, fields: Fields) -> str:
         """Write a state, a piece a rank; the name of the file that holds or names all of it."""

@@ -20,7 +20,6 @@ from tmc_vem.results.output import polygons_of
 from tmc_vem.results.records import CONTACT, OF
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.parallel import from_root, on_root
-from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
@@ -37,6 +36,9 @@ class ContactGauge:
         system: the discretisation.
         media: names of the regions that are third medium.
         order: polynomial degree along the sides.
+
+    Attributes:
+        is_used: whether any solid is in medium.
     """
 
     def __init__(self, system: Discretisation, media: Sequence[str], order: int) -> None:
@@ -52,15 +54,14 @@ class ContactGauge:
         self._chosen_c[cells] = True
         first = sum(comm.allgather(len(labels))[: comm.rank])
         self._axes_nij = system.turned().of(first + self._nodes)
-        self._is_used: bool = from_root(comm, lambda: self._surface is not None)
+        self.is_used: bool = from_root(comm, lambda: self._surface is not None)
 
-    def traction(self, u: Vec, residual: Vec, position: Control) -> Traction | None:
-        """What acts on the surface at a state with its residual and its position on the path; on rank 0, None on the
-        others and without a surface."""
-        if not self._is_used:
+    def traction(self, u: Vec, residual: Vec) -> Traction | None:
+        """What acts on the surface at a state with its residual; on rank 0, None on others and without a surface."""
+        if not self.is_used:
             return None
         system, nodes = self._system, self._nodes
-        resisted = system.internal_forces(u, self._chosen_c)[nodes] - system.external_forces(u, position)[nodes]
+        resisted = system.internal_forces(u, self._chosen_c)[nodes] - system.external_forces(u)[nodes]
         u_ni = DISPLACEMENT.nodal(u.getArray(readonly=True))[nodes]
         held_ni = DISPLACEMENT.nodal(system.holding_forces(residual))[nodes]
         u_ni, held_ni = (np.einsum("nij,nj->ni", self._axes_nij, values) for values in (u_ni, held_ni))
@@ -71,11 +72,14 @@ class ContactGauge:
         u_ni, force_ni = (np.concatenate(values)[self._station] for values in zip(*parts, strict=True))
         return Traction(surface, surface.points_nx + u_ni, surface.share_n[:, None] * force_ni)
 
-    def read(self, u: Vec, residual: Vec, position: Control) -> Contact:
+    def measured(self, traction: Traction | None) -> Contact:
         """What is reported of a state, by name of body and of pair, equal on all ranks; see
-        :func:`tmc_vem.results.contact.pairs.measure`."""
-        traction = self.traction(u, residual, position)
-        found: Contact = from_root(self._system.comm, lambda: measure(traction) if traction is not None else {})
+        :func:`tmc_vem.results.contact.pairs.measure`.
+
+        Args:
+            traction: of :meth:`traction`.
+        """
+        found: Contact = from_root(self._system.comm, lambda: {} if traction is None else measure(traction))
         return found
 
     @staticmethod

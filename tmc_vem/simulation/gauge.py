@@ -59,13 +59,20 @@ class Gauge:
             if some:
                 self._readers.append(make(some, problem, system))
 
-    def read(self, u: Vec, residual: Vec, behind: Behind | None = None) -> dict[str, float]:
+    def read(
+        self,
+        u: Vec,
+        residual: Vec,
+        behind: Behind | None = None,
+        contact: Mapping[str, Mapping[str, float]] | None = None,
+    ) -> dict[str, float]:
         """Values of the probes at a state with its residual, equal on all ranks.
 
         Args:
             u: displacements.
             residual: full gradient of the potential at ``u``.
             behind: tells whether the second of two points is behind the surface of the first, where surfaces cross.
+            contact: what is reported of contact, by name of body or pair.
         """
         moved: dict[Place, Float] = {}
         if self._named:
@@ -80,7 +87,7 @@ class Gauge:
             Reaction: lambda p: self._system.reaction(residual, p.at, COMPONENTS[p.component]),
             MeanJ: lambda p: means[p.region],
         }
-        state = State(u, residual, behind)
+        state = State(u, residual, behind, contact or {})
         found = {name: value for reader in self._readers for name, value in reader(state).items()}
         return {
             name: float(found[name] if name in found else readers[type(probe)](probe))

@@ -93,8 +93,7 @@ class Surface:
 
     def summed(self, values_sa: Float) -> Float:
         """(n,) sums at the stations of values (n_sides, k + 1) of the sides."""
-        summed: Float = np.bincount(self.stations_sa.ravel(), weights=values_sa.ravel(), minlength=len(self))
-        return summed
+        return np.bincount(self.stations_sa.ravel(), values_sa.ravel(), len(self)).astype(np.float64)
 
     def tangents(self, points_nx: Float) -> Float:
         """(n_sides, k + 1, 2) derivatives of the sides' points by the reference length, at their nodes.
