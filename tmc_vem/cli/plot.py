@@ -19,20 +19,27 @@ RUN = click.argument("run_dir", type=click.Path(path_type=Path))
     help="What colours the deformed states.",
 )  # fmt: skip
 @click.option("--states", "n_states", type=click.IntRange(1, 16), default=4, show_default=True, help="States shown.")
-def plot(run_dir: Path, out: Path | None, quantity: str, n_states: int) -> None:
-    """Draw curves and deformed states of a run as SVG and PNG, and a page with all of them. Example:
+@click.option("--contact", is_flag=True, help="Contact alone: tractions on the solids, pressure along their outlines.")
+@click.option(
+    "--load", type=float, help="With --contact: the written state nearest to a load factor. Default: the last."
+)
+def plot(run_dir: Path, out: Path | None, quantity: str, n_states: int, contact: bool, load: float | None) -> None:
+    """Draw curves and deformed states of a run as SVG and PNG, and a page with all of them. Examples:
 
     \b
       tmc-vem plot runs/box
+      tmc-vem plot runs/box --contact --load 0.5
     """
-    from tmc_vem.report.run_page import run_page
+    from tmc_vem.report.run_page import contact_page, run_page
     from tmc_vem.report.write import write_page
     from tmc_vem.results.run_result import RunResult
 
     result = RunResult.read(run_dir)
-    page = run_page(result, quantity=quantity, n_states=n_states)
+    if load is not None and not contact:
+        raise InputError("--load belongs to --contact: --states says how many deformed states are drawn")
+    page = contact_page(result, load) if contact else run_page(result, quantity=quantity, n_states=n_states)
     try:
-        report = write_page(page, out or run_dir / "plots", "run")
+        report = write_page(page, out or run_dir / "plots", "contact" if contact else "run")
     except OSError as error:
         where = error.filename or out or run_dir
         raise InputError(f"{where} cannot be written: {error.strerror or error}; --out names another place") from None

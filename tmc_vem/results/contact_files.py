@@ -1,6 +1,6 @@
-"""Tractions in a run directory: ``contact.csv`` of the last step, tables and lines beside the fields of snapshots.
+"""Tractions in a run directory: ``contact.csv`` of the last step, tables and lines for every snapshot of the fields.
 
-A table ``fields/contact_00005.csv`` and lines ``fields/contact_00005.vtu`` belong to ``fields/step_00005.vtu``;
+A table ``contact/step_00005.csv`` and lines ``contact/step_00005.vtu`` belong to the fields ``fields/step_00005.vtu``;
 ``contact.pvd`` is the collection of the lines.
 """
 
@@ -12,14 +12,14 @@ from pathlib import Path
 from tmc_vem.results.contact.curves import ContactCurves
 from tmc_vem.results.contact_lines import write_lines
 from tmc_vem.results.contact_table import read_table, write_table
-from tmc_vem.results.records import CONTACT_LINES, CONTACT_TABLE, FIELDS, Written
+from tmc_vem.results.records import CONTACT_FOLDER, CONTACT_LINES, CONTACT_TABLE, Written
 from tmc_vem.results.snapshots import nearest, snapshots
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
 from tmc_vem.system.fields import write_pvd
 
 Entries = Sequence[tuple[float, Sequence[str]]]  # coordinates on the path, and files of the fields
-STEP, CONTACT = "step_", "contact_"
+STEP = "step_"
 
 
 def write_snapshot(directory: Path, step: int, curves: ContactCurves, units: Units, entries: Entries) -> None:
@@ -35,7 +35,8 @@ def write_snapshot(directory: Path, step: int, curves: ContactCurves, units: Uni
     Raises:
         OSError: a file could not be written.
     """
-    name = directory / FIELDS / f"{CONTACT}{step:05d}"
+    name = directory / CONTACT_FOLDER / f"{STEP}{step:05d}"
+    name.parent.mkdir(exist_ok=True)
     write_table(name.with_suffix(".csv"), curves, units)
     write_lines(name.with_suffix(".vtu"), curves, units)
     collect(directory, entries)
@@ -43,8 +44,9 @@ def write_snapshot(directory: Path, step: int, curves: ContactCurves, units: Uni
 
 def collect(directory: Path, entries: Entries) -> None:
     """Write the collection of the lines that are there."""
-    lines = [(load, str(_beside(Path(name), ".vtu"))) for load, (name, *_) in entries]
-    write_pvd(directory / CONTACT_LINES, [(load, [name]) for load, name in lines if (directory / name).exists()])
+    lines = [(load, _belonging_to(Path(name), ".vtu")) for load, (name, *_) in entries]
+    there = [(load, [name]) for load, name in lines if (directory / name).exists()]
+    write_pvd(directory / CONTACT_LINES, there)
 
 
 def write_last(directory: Path, curves: ContactCurves, units: Units) -> None:
@@ -73,11 +75,11 @@ def curves_at(result: Written, load: float | None = None) -> ContactCurves:
         raise InputError(f"{result.directory} has no {CONTACT_TABLE}: no solid is in medium, or the run has no result")
     if load is None:
         return read_table(last)
-    path = nearest(snapshots(result), load).files[0]
-    return read_table(_beside(path, ".csv"))
+    fields = nearest(snapshots(result), load).files[0]
+    return read_table(result.directory / _belonging_to(fields, ".csv"))
 
 
-def _beside(fields: Path, suffix: str) -> Path:
-    """The file of contact that belongs to a file of fields, of one rank or of any."""
-    step = fields.stem.removeprefix(STEP).partition("_")[0]
-    return fields.with_name(f"{CONTACT}{step}{suffix}")
+def _belonging_to(fields: Path, suffix: str) -> str:
+    """The file of contact that belongs to a file of fields, of one rank or of any, relative to the run directory."""
+    number = fields.stem.removeprefix(STEP).partition("_")[0]
+    return f"{CONTACT_FOLDER}/{STEP}{number}{suffix}"

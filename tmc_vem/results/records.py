@@ -21,7 +21,8 @@ from tmc_vem.results.unfinished import BEGUN, CHECKPOINT, COMMAND
 SCHEMA, OLDEST = 1, 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
 PROBLEM = "problem.toml"  # of a run whose problem came from tables
-CONTACT_TABLE, CONTACT_LINES = "contact.csv", "contact.pvd"  # tractions at the last step, and lines of all snapshots
+# tractions: the table of the last step, and of all snapshots the folder and the collection of their lines
+CONTACT_TABLE, CONTACT_FOLDER, CONTACT_LINES = "contact.csv", "contact", "contact.pvd"
 TRIANGULATED = "triangulated"  # fields cut into triangles: the collection, and what their files begin with
 # groups of values in a record, and what their columns begin with
 _GROUPS = {"min_j": "min_j_", "energy": "energy_", "parameters": "parameter_"}

@@ -91,8 +91,8 @@ def pair_name(bodies: Sequence[str], pair: tuple[int, int]) -> str:
 def measure(traction: Traction) -> dict[str, dict[str, float]]:
     """What is reported of a state, by name of body and of pair: see :data:`OF_BODY` and :data:`OF_PAIR`.
 
-    What belongs to the width is left out as long as the gap is open, and where the pressure is that of no round
-    contact.
+    As long as the gap is open, widths are 0 and there is no centre. A half width is left out where the pressure is that
+    of no round contact.
     """
     surface, seen = traction.surface, facing(traction)
     found = {name: traction.resultant(surface.body_n == body) for body, name in enumerate(surface.bodies)}
@@ -110,7 +110,7 @@ def _measure(traction: Traction, seen: Facing, pair: Pair) -> dict[str, float]:
     reference = traction.surface.points_nx
     apart = float(np.hypot(*(reference[peak] - reference[seen.station_n[peak]])))
     if found["pressure_max"] <= 0.0 or not seen.gap_n[peak] < CLOSED * apart:
-        return found
+        return found | {"half_width": 0.0, "contact_length": 0.0}
     return found | _width(traction, pair)
 
 
