@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from codegen.errors import CodegenError
 from codegen.integrand import DEFORMATION_GRADIENT, Integrand
+from codegen.layout import Input
 from codegen.tape import MathNamespace, Node, ParameterNamespace, Tape, TracedScalar, TracedTensor
 from codegen.trace import trace
 
@@ -112,14 +113,12 @@ class Stress:
             return self._backwards(self._forwards(read))
 
     def _variables(self, F: Float, G: Float | None) -> dict[str, Value]:
-        found: dict[str, Value] = {
-            name: np.ascontiguousarray(F[..., n % 2, n // 2]) for n, name in enumerate(_PLANE)
-        }
+        found: dict[str, Value] = {name: np.ascontiguousarray(F[..., n % 2, n // 2]) for n, name in enumerate(_PLANE)}
         found[ACROSS] = 1.0
         if self.uses_second_gradient and G is not None:
             found |= {
-                f"G{i + 1}{j + 1}{k + 1}": np.ascontiguousarray(G[..., i, j, k]) for i in range(2) for j in range(2) for k in range(2)
-            }  # fmt: skip
+                f"G{i + 1}{j + 1}{k + 1}": np.ascontiguousarray(G[..., i, j, k]) for i, j, k in np.ndindex(2, 2, 2)
+            }
         return found
 
     def _forwards(self, read: Mapping[str, Mapping[str, Value]]) -> list[Value]:
@@ -166,7 +165,7 @@ def stress_of(integrand: Integrand) -> Stress:
     result = integrand.function(
         *(
             entry.nested(
-                lambda index, entry=entry: tape.add("variable", value=entry.names[entry.indices.index(index)]),
+                _variables_of(tape, entry),
                 lambda *rows: TracedTensor(tape, *rows),
                 tape.add("variable", value=ACROSS) if entry.third else None,
             )
@@ -194,6 +193,11 @@ def stress_of(integrand: Integrand) -> Stress:
         uses_second_gradient=any(name.startswith("G") for name in variables),
         reason=reason,
     )
+
+
+def _variables_of(tape: Tape, entry: Input) -> Callable[[tuple[int, ...]], TracedScalar]:
+    """What gives the components of an input, by index."""
+    return lambda index: tape.add("variable", value=entry.names[entry.indices.index(index)])
 
 
 def _used(nodes: Sequence[Node]) -> set[int]:

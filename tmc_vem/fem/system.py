@@ -211,7 +211,9 @@ class FemSystem(Unloaded):
                     if needs_second
                     else (self.points.first_gradient(u_cai, cells), None)
                 )
-                factors = {key: factor_c1[first : first + CELLS_AT_ONCE] for key, factor_c1 in self._factors[name].items()}
+                factors = {
+                    key: factor_c1[first : first + CELLS_AT_ONCE] for key, factor_c1 in self._factors[name].items()
+                }
                 values = {key: self._values[name][key] * factors.get(key, 1.0) for key in integrand.parameter_names}
                 yield PointStates(
                     name, cells, self.points.w_cq[cells], self.points.X_cqx[cells], np.eye(2) + gradient, second, values

@@ -111,7 +111,7 @@ class Patches:
         self.centre_px = polygons.points_nx[point_p]
         self._shared = _Shared(stresses.system.comm, self.centre_px, self.region_p, self._border(within, sizes))
         areas = stresses.system.cell_areas()
-        total = np.bincount(patch, np.repeat(areas, sizes)[corner], len(keys))[:, None]
+        total: Float = np.bincount(patch, np.repeat(areas, sizes)[corner], len(keys)).astype(float)[:, None]
         self.scale_p = np.sqrt(self._shared.added(total))[:, 0]
         self.along_sides = self._sides(within, sizes)
         self._inverse_pmm = self._inverses()
@@ -148,12 +148,12 @@ class Patches:
         area_c = w_cq.sum(axis=1)
         centre_cx = (w_cq[:, None] @ X_cqx)[:, 0] / area_c[:, None]
         scale_c = np.sqrt(area_c)
-        moment_cqm = w_cq[..., None] * monomials(
-            self.degree, (X_cqx - centre_cx[:, None]) / scale_c[:, None, None]
-        )
+        moment_cqm = w_cq[..., None] * monomials(self.degree, (X_cqx - centre_cx[:, None]) / scale_c[:, None, None])
         scale_cv = self.scale_p[patch_cv]
         shift_cvmm = _shifts(
-            self.degree, (centre_cx[:, None] - self.centre_px[patch_cv]) / scale_cv[..., None], scale_c[:, None] / scale_cv
+            self.degree,
+            (centre_cx[:, None] - self.centre_px[patch_cv]) / scale_cv[..., None],
+            scale_c[:, None] / scale_cv,
         )
         found.append((patch_cv, shift_cvmm, moment_cqm))
         return found

@@ -1,17 +1,18 @@
 """Stress and strain: tensors at points, and the numbers that are made of them.
 
-Three tensors are kept, as vectors of their components in plane strain; all other fields are functions of one of them, of
-whatever it is a value, a mean or a recovered one. With ``P = dpsi/dF`` of the energy, the second gradient held, double
+Three tensors are kept, as vectors of their components in plane strain; all other fields are functions of one of them,
+whether it is a value, a mean or a recovered one. With ``P = dpsi/dF`` of the energy, the second gradient held, double
 stresses apart,
 
     sigma = P F^T / J,    sigma_zz = P_zZ / J,    von Mises: sqrt(3/2 s : s),  s = sigma - tr(sigma)/3 I.
 
-The shear component of the Cauchy stress is the mean of both: in a medium with a second-gradient energy ``P F^T`` need not be symmetric.
+The shear component of the Cauchy stress is the mean of both: in a medium with a second-gradient energy ``P F^T`` need
+not be symmetric.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,43 +125,49 @@ def _pick(function: Callable[[Float], Float], n: int) -> Callable[[Float], Float
     return lambda tensor: function(tensor)[..., n]
 
 
-def _components() -> dict[str, Scalar]:
-    """The components of tensors, as numbers."""
-    words = {CAUCHY: "Cauchy stress", PIOLA: "first Piola-Kirchhoff stress", DEFORMATION: "deformation gradient"}
+def _several(
+    of: str,
+    function: Callable[[Float], Float],
+    names: Sequence[str],
+    kind: str,
+    what: str,
+    across: Collection[str] = (),
+) -> dict[str, Scalar]:
+    """Numbers that a function gives side by side, by the ends of their names; ``across`` are those that need the stress
+    across the plane."""
     return {
-        f"{tensor}_{name}": Scalar(
-            tensor, _pick(lambda t: t, n), NONE if tensor == DEFORMATION else STRESS, f"{words[tensor]} {name}", name in ("zz", "zZ")
-        )
-        for tensor, names in COMPONENTS.items()
+        name: Scalar(of, _pick(function, n), kind, f"{what} {name.rpartition('_')[2]}", name in across)
         for n, name in enumerate(names)
-    }  # fmt: skip
+    }
 
 
+def _plain(tensor: Float) -> Float:
+    return tensor
+
+
+def _numbered(name: str, n: int) -> list[str]:
+    return [f"{name}_{number + 1}" for number in range(n)]
+
+
+_PRINCIPAL = _numbered("principal_stress", 3)
+_PARTS = {tensor: [f"{tensor}_{part}" for part in parts] for tensor, parts in COMPONENTS.items()}
 SCALARS: Mapping[str, Scalar] = {
     "von_mises": Scalar(CAUCHY, von_mises, STRESS, "von Mises stress", across=True),
-    **{
-        f"principal_stress_{n + 1}": Scalar(CAUCHY, _pick(principal, n), STRESS, f"principal stress {n + 1}", across=True)
-        for n in range(3)
-    },
-    **{
-        f"in_plane_stress_{n + 1}": Scalar(CAUCHY, _pick(in_plane, n), STRESS, f"principal stress {n + 1} in the plane")
-        for n in range(2)
-    },
+    **_several(CAUCHY, principal, _PRINCIPAL, STRESS, "principal stress", _PRINCIPAL),
+    **_several(CAUCHY, in_plane, _numbered("in_plane_stress", 2), STRESS, "principal stress in the plane"),
     "hydrostatic_stress": Scalar(CAUCHY, lambda s: s[..., :3].mean(axis=-1), STRESS, "mean normal stress", across=True),
-    **{
-        f"principal_stretch_{n + 1}": Scalar(DEFORMATION, _pick(stretches, n), NONE, f"principal stretch {n + 1}")
-        for n in range(2)
-    },
+    **_several(DEFORMATION, stretches, _numbered("principal_stretch", 2), NONE, "principal stretch"),
     "J": Scalar(DEFORMATION, determinant, NONE, "J"),
-    **_components(),
-    **{
-        f"green_lagrange_strain_{name}": Scalar(DEFORMATION, _pick(green_lagrange, n), NONE, f"Green-Lagrange strain {name}")
-        for n, name in enumerate(("XX", "YY", "XY"))
-    },
-    **{
-        f"log_strain_{name}": Scalar(DEFORMATION, _pick(log_strain, n), NONE, f"logarithmic strain {name}")
-        for n, name in enumerate(("xx", "yy", "xy"))
-    },
+    **_several(CAUCHY, _plain, _PARTS[CAUCHY], STRESS, "Cauchy stress", ("cauchy_stress_zz",)),
+    **_several(PIOLA, _plain, _PARTS[PIOLA], STRESS, "first Piola-Kirchhoff stress", ("first_piola_stress_zZ",)),
+    **_several(DEFORMATION, _plain, _PARTS[DEFORMATION], NONE, "deformation gradient"),
+    **_several(
+        DEFORMATION, green_lagrange, [f"green_lagrange_strain_{of}" for of in ("XX", "YY", "XY")], NONE,
+        "Green-Lagrange strain",
+    ),
+    **_several(
+        DEFORMATION, log_strain, [f"log_strain_{of}" for of in ("xx", "yy", "xy")], NONE, "logarithmic strain"
+    ),
 }  # fmt: skip
 DEFAULT = (CAUCHY, "von_mises")
 
