@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +33,7 @@ from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
+from tmc_vem.system.point_states import PointStates
 from tmc_vem.system.reduction import Shares, at_named_points, in_order, reaction, resultant, step_limit
 from tmc_vem.system.sides import Sides
 from tmc_vem.system.unloaded import Unloaded, require_regions
@@ -195,6 +196,28 @@ class FemSystem(Unloaded):
         self._local_values(u)
         compat.assemble_vector(self._gradient, self._residual_form_of(chosen_c))
         return DISPLACEMENT.nodal(self._gradient.x.array)[: self.nodes.n_owned].copy()
+
+    def point_states(self, u: Vec) -> Iterator[PointStates]:
+        """This rank's cells at their quadrature points, some at a time."""
+        u_nodes = self._local_values(u)
+        for name, of_region in zip(self.region_names, self._cells_of, strict=True):
+            integrand = self.densities[name].integrand
+            needs_second = any(entry.take is Take.SECOND_GRADIENT for entry in integrand.inputs)
+            for first in range(0, len(of_region), CELLS_AT_ONCE):
+                cells = of_region[first : first + CELLS_AT_ONCE]
+                u_cai = u_nodes[self.nodes.cell_nodes_ca[cells]]
+                gradient, second = (
+                    self.points.gradients(u_cai, cells)
+                    if needs_second
+                    else (self.points.first_gradient(u_cai, cells), None)
+                )
+                factors = {
+                    key: factor_c1[first : first + CELLS_AT_ONCE] for key, factor_c1 in self._factors[name].items()
+                }
+                values = {key: self._values[name][key] * factors.get(key, 1.0) for key in integrand.parameter_names}
+                yield PointStates(
+                    name, cells, self.points.w_cq[cells], self.points.X_cqx[cells], np.eye(2) + gradient, second, values
+                )
 
     def owned_nodes(self, where: str) -> Int:
         """Nodes at a named point or edge set that this rank owns, as positions in its part of a vector."""

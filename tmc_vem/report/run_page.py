@@ -7,6 +7,7 @@ import numpy as np
 from tmc_vem.report import cautions, plots, tables
 from tmc_vem.report.contact_figure import contact_of
 from tmc_vem.report.contact_tables import contact_tables
+from tmc_vem.report.field_figure import Shown, field_figure
 from tmc_vem.report.page import Block, Page, Section, Table, Text, picture
 from tmc_vem.report.panels import draw_panels
 from tmc_vem.results.run_result import RunResult
@@ -16,8 +17,18 @@ from tmc_vem.support.errors import InputError
 NOTHING = Text("No pressure acts on any solid.")
 
 
-def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4) -> Page:
-    """Curves, deformed states, tables and provenance of a run, as far as it has come."""
+def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4, shown: Shown | None = None) -> Page:
+    """Curves, deformed states, tables and provenance of a run, as far as it has come.
+
+    Args:
+        result: the run.
+        quantity: what colours the deformed states.
+        n_states: how many there are.
+        shown: a field that gets a large picture; the von Mises stress, if there is one, by default.
+
+    Raises:
+        InputError: the run does not have the field that is asked for.
+    """
     name = f"{result.inputs.get('problem', 'run')} {str(result.inputs.get('method', '')).upper()}".rstrip()
     runs = {name: result}
     contact, findings = cautions.of_contact(runs) if result.history else ([], [])
@@ -34,6 +45,7 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4) -> P
             ),
             *([Section("Deformed states", [_states(result, quantity, n_states)])] if result.history else []),
             *_contact(result),
+            *([Section("Field", [_field(result, shown)])] if result.history else []),
             *([Section("Curves", _curves(runs))] if result.history else []),
             Section("Solution", [tables.effort(runs), Table("Contact.", ("run", "deformed solids"), contact)]),
             Section("How to repeat this", tables.provenance(runs, made_with)),
@@ -81,6 +93,20 @@ def _contact(result: RunResult) -> list[Section]:
     except InputError:
         return []
     return [Section("Contact", [*pictures, *contact_tables(result)])]
+
+
+def _field(result: RunResult, shown: Shown | None) -> Block:
+    """A large picture of one field, or why there is none where none is asked for."""
+    asked = shown is not None and shown != Shown()
+    try:
+        figure, name = field_figure(result, shown or Shown("von_mises"))
+    except InputError as error:
+        if asked:
+            raise
+        if shown is None:
+            return _field(result, Shown())
+        return Text(str(error))
+    return picture(figure, f"field-{name}", f"The field {name}.", inline="png")
 
 
 def _curves(runs: tables.Runs) -> list[Block]:

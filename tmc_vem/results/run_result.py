@@ -149,6 +149,12 @@ class RunResult:
 
         return to_pyvista(self, load, triangulated=triangulated)
 
+    def cells_to_pandas(self, load: float = 1.0) -> Any:
+        """Fields of the cells at a load factor as a data frame, see :func:`tmc_vem.results.export.cells_to_pandas`."""
+        from tmc_vem.results.export import cells_to_pandas
+
+        return cells_to_pandas(self, load)
+
     def to_meshio(self, load: float = 1.0) -> Any:
         """Fields at a load factor as a meshio mesh, see :func:`tmc_vem.results.export.to_meshio`."""
         from tmc_vem.results.export import to_meshio

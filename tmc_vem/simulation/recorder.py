@@ -46,6 +46,7 @@ from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Fields
 from tmc_vem.system.forces import BodyForce
 from tmc_vem.system.layout import DISPLACEMENT
+from tmc_vem.system.stress import Stresses
 
 Float = NDArray[np.float64]
 # Reactions below this part of the largest energy over the size of the domain are those of an unloaded body.
@@ -67,12 +68,13 @@ class Recorder:
         timer: phases of the run.
         watch: knows whether solids overlap in the state that converged last.
         triangulated: write the fields once more, cut into triangles.
+        stress_fields: names of stress and strain that are written.
     """
 
     def __init__(
         self, problem: Problem, system: Discretisation, gauge: Gauge, inputs: Mapping[str, Any],
         directory: RunDirectory | None, times: Sequence[float], checkpoint_every: int, monitor: Monitor, timer: Timer,
-        watch: OverlapWatch, *, triangulated: bool = False,
+        watch: OverlapWatch, *, triangulated: bool = False, stress_fields: Sequence[str] = (),
     ) -> None:  # fmt: skip
         self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
         self.gauge, self.monitor, self.timer, self.watch = gauge, monitor, timer, watch
@@ -91,10 +93,11 @@ class Recorder:
         # when to wait for the disk again, and whether it has the checkpoint that is there
         self._durable_until, self._is_durable = time.monotonic() + DURABLE, True
         self._snapshots: SnapshotWriter | None = None
+        self._stresses = Stresses(system, {name: region.integrand for name, region in problem.regions().items()})
         if directory is not None and times:
             self._snapshots = SnapshotWriter(
                 system, directory.path, tuple(times), media_of(problem), problem.units(), triangulated=triangulated,
-                order=self._order,
+                order=self._order, stresses=self._stresses, names=stress_fields,
             )  # fmt: skip
 
     def record(self, step: Step, states: States, position: StepperState) -> None:

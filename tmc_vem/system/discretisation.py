@@ -5,7 +5,7 @@ A check by mypy and ``tests/unit/test_discretisation.py`` hold both to it, and w
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -17,6 +17,7 @@ from tmc_vem.system.constraints import Condition, Pair
 from tmc_vem.system.control import Control
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.places import PointSource
+from tmc_vem.system.point_states import PointStates
 from tmc_vem.system.sides import Sides
 from tmc_vem.system.turned import Turned
 
@@ -245,6 +246,9 @@ class Discretisation(NonlinearSystem, PointSource, Protocol):
         coordinates and 0, or a cell's centroid and 1, 2, ... for its moments."""
 
     # -- cells
+
+    def point_states(self, u: Vec) -> Iterator[PointStates]:
+        """This rank's cells at their quadrature points, some at a time, always in the same order."""
 
     def cell_numbers(self) -> Int:
         """(n_cells,) numbers of the cells in the whole mesh."""
