@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from tmc_vem.report.page import Table
-from tmc_vem.report.tables import number
+from tmc_vem.report.tables import number, percent
 from tmc_vem.results.contact.pairs import OF_BODY, OF_PAIR, is_pair
 from tmc_vem.results.records import heading
 from tmc_vem.results.run_result import RunResult
@@ -21,15 +21,27 @@ PAIRS = (
 def contact_tables(result: RunResult) -> list[Table]:
     """Contact at the last step; none where no solid is in medium."""
     units = Units(**result.inputs.get("units", {}))
-    contact = {"body": (BODIES, OF_BODY), "pair": (PAIRS, OF_PAIR)}
+    shares = result.checks.get("regulariser_share", {})
+    bodies = {name: values for name, values in result.contact.items() if not is_pair(values)}
+    pairs = {name: values for name, values in result.contact.items() if is_pair(values)}
     found = []
-    for what, (caption, kinds) in contact.items():
-        mine = {name: values for name, values in result.contact.items() if is_pair(values) == (what == "pair")}
-        head = [what, *(heading(name, units.of(kind) if units.declared else "") for name, kind in kinds.items())]
-        if mine:
-            found.append(Table(caption, [name.replace("_", " ") for name in head], _rows(mine, kinds)))
+    if bodies:
+        found.append(Table(BODIES, ["body", *_headings(OF_BODY, units)], _rows(bodies, OF_BODY, {})))
+    if pairs:
+        share = ["regulariser's share of pressure"] if shares else []
+        found.append(Table(PAIRS, ["pair", *_headings(OF_PAIR, units), *share], _rows(pairs, OF_PAIR, shares)))
     return found
 
 
-def _rows(contact: Mapping[str, Mapping[str, float]], quantities: Iterable[str]) -> list[list[str]]:
-    return [[name, *(number(values.get(quantity), 4) for quantity in quantities)] for name, values in contact.items()]
+def _headings(kinds: Mapping[str, str], units: Units) -> list[str]:
+    return [heading(name.replace("_", " "), units.of(kind) if units.declared else "") for name, kind in kinds.items()]
+
+
+def _rows(
+    contact: Mapping[str, Mapping[str, float]], quantities: Iterable[str], shares: Mapping[str, float]
+) -> list[list[str]]:
+    rows = []
+    for name, values in contact.items():
+        last = [percent(shares.get(name))] if shares else []
+        rows.append([name, *(number(values.get(quantity), 4) for quantity in quantities), *last])
+    return rows

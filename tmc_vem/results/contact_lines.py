@@ -22,6 +22,7 @@ POINT_DATA = {
     "traction": ("traction_ni", STRESS),
     "pressure": ("pressure_n", STRESS),
     "shear": ("shear_n", STRESS),
+    "medium_pressure": ("medium_pressure_n", STRESS),
     "force": ("force_ni", FORCE),
     "normal": ("normal_nx", NONE),
     "gap": ("gap_n", LENGTH),

@@ -18,7 +18,6 @@ from tmc_vem.problems.base import Problem, media_of
 from tmc_vem.problems.columns import KINDS, named_loads, pair_of, quantities_of
 from tmc_vem.results.contact.contact import check_contact
 from tmc_vem.results.contact.curves import ContactCurves
-from tmc_vem.results.contact.traction import Traction
 from tmc_vem.results.contact_files import collect, write_last, write_snapshot
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.energy_balance import energy_balance
@@ -79,7 +78,8 @@ class Recorder:
         self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
         self.gauge, self.monitor, self.timer, self.watch = gauge, monitor, timer, watch
         self.loads = LoadGauge(problem, system)
-        self.contact = ContactGauge(system, media_of(problem), int(inputs["order"]))
+        media = {name: problem.regions()[name].integrand for name in media_of(problem)}
+        self.contact = ContactGauge(system, media, int(inputs["order"]))
         self._read: Reading | None = None
         self._inverted: dict[str, Any] = {}
         self.history: list[StepRecord] = []
@@ -136,7 +136,7 @@ class Recorder:
         if self._snapshots is not None:
             with self.timer("snapshots"), _reported(self._snapshots.directory):
                 if self._snapshots.offer(step.number, step.time, u):
-                    self._write_contact(step.number, traction)
+                    self._write_contact(step.number, self.contact.curves(u, residual))
         if self._every and step.number % self._every == 0:
             with self.timer("checkpoints"):
                 self._write_checkpoint(states, position)
@@ -240,17 +240,18 @@ class Recorder:
         with self.timer("check"):
             evaluation = self.system.residual(u, residual)
         with self.timer("contact"):
-            traction = self.contact.traction(u, residual)
-            curves = self.system.comm.bcast(None if traction is None else ContactCurves.of(traction))
+            curves = self.contact.curves(u, residual)
         if self._snapshots is not None and self.history:
             last = self.history[-1]
             with self.timer("snapshots"), _reported(self._snapshots.directory):
                 if self._snapshots.write(last.step, last.coordinate, u):
-                    self._write_contact(last.step, traction)
+                    self._write_contact(last.step, curves)
         with self.timer("check"):
             imbalance = self._imbalance(residual, self.history[-1].forces if self.history else {})
             checks: dict[str, Any] = {"imbalance": imbalance, **self._second_gradient(u, evaluation)}
             checks |= {**self._between_the_points(u), **self._inverted}
+            if curves is not None:
+                checks["regulariser_share"] = curves.regulariser_share()
             balance_of_energy = energy_balance(self.history)
             if balance_of_energy:
                 checks["energy_balance"] = balance_of_energy.as_dict()
@@ -293,16 +294,12 @@ class Recorder:
                 on_root(self.system.comm, lambda: directory.write_result(result))
         return result
 
-    def _write_contact(self, step: int, traction: Traction | None) -> None:
+    def _write_contact(self, step: int, curves: ContactCurves | None) -> None:
         """Write the tractions of a snapshot that has just been written; called on all ranks."""
         snapshots, units = self._snapshots, self.problem.units()
-
-        def write() -> None:
-            if traction is not None and snapshots is not None:
-                curves = ContactCurves.of(traction)
-                write_snapshot(snapshots.directory, step, curves, units, snapshots.entries)
-
-        on_root(self.system.comm, write)
+        if curves is not None and snapshots is not None:
+            found, entries = curves, snapshots.entries
+            on_root(self.system.comm, lambda: write_snapshot(snapshots.directory, step, found, units, entries))
 
     def _draw(self, fields: Fields, path: Path) -> None:
         from tmc_vem.report.figures import draw_deformed

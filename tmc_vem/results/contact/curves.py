@@ -18,6 +18,7 @@ Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
 AXES = ("x", "y")
+HALF = 0.5
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,8 @@ class ContactCurves:
         traction_ni: (n, 2) nominal traction, per reference area.
         pressure_n: (n,) true pressure, positive in compression.
         shear_n: (n,) true shear, positive in the direction of the line.
+        medium_pressure_n: (n,) pressure -n . sigma n that the medium's own stress shows in the cells at the station,
+            without the regulariser; not a number where it is not known.
         gap_n: (n,) distance to what it faces, not a number where there is nothing.
         weight_n: (n,) reference length that a station stands for.
         deformed_weight_n: (n,) the same in the deformed state.
@@ -62,6 +65,7 @@ class ContactCurves:
     traction_ni: Float
     pressure_n: Float
     shear_n: Float
+    medium_pressure_n: Float
     gap_n: Float
     weight_n: Float
     deformed_weight_n: Float
@@ -70,8 +74,8 @@ class ContactCurves:
         return len(self.line_n)
 
     @staticmethod
-    def of(traction: Traction) -> ContactCurves:
-        """Those of a state."""
+    def of(traction: Traction, medium_pressure_n: Float | None = None) -> ContactCurves:
+        """Those of a state, with the pressure (n,) that the medium's own stress shows."""
         surface, seen = traction.surface, facing(traction)
         return ContactCurves(
             bodies=surface.bodies,
@@ -88,6 +92,7 @@ class ContactCurves:
             traction_ni=traction.nominal_ni,
             pressure_n=traction.pressure_n,
             shear_n=traction.shear_n,
+            medium_pressure_n=np.full(len(surface), np.nan) if medium_pressure_n is None else medium_pressure_n,
             gap_n=seen.gap_n,
             weight_n=surface.weight_n,
             deformed_weight_n=traction.weight_n,
@@ -102,6 +107,22 @@ class ContactCurves:
         numbers = [self._number(name) for name in (body, other) if name is not None]
         chosen: Bool = self.body_n == numbers[0]
         return chosen if other is None else chosen & (self.faces_n == numbers[1])
+
+    def regulariser_share(self) -> dict[str, float]:
+        """Part of the pressure that is not the medium's own stress but its regulariser's, by pair of bodies that face
+        each other: over the stations with more than half of the largest pressure of the pair."""
+        low, high = np.minimum(self.body_n, self.faces_n), np.maximum(self.body_n, self.faces_n)
+        shares = {}
+        for pair in sorted(set(zip(low.tolist(), high.tolist(), strict=True))):
+            mine = (low == pair[0]) & (high == pair[1])
+            most = float(self.pressure_n[mine].max())
+            mine &= self.pressure_n > HALF * most
+            if pair[0] < 0 or not most > 0.0:
+                continue
+            weight = self.deformed_weight_n[mine]
+            own = float(weight @ self.medium_pressure_n[mine]) / float(weight @ self.pressure_n[mine])
+            shares["-".join(self.bodies[body] for body in pair)] = 1.0 - own
+        return shares
 
     def lines(self, *, closing: bool = False) -> Iterator[Int]:
         """Stations of each line.
@@ -145,6 +166,7 @@ COLUMNS: Sequence[Column] = (
     *_pair("traction_", STRESS, "traction_ni"),
     Column("pressure", STRESS, "pressure_n"),
     Column("shear", STRESS, "shear_n"),
+    Column("medium_pressure", STRESS, "medium_pressure_n"),
     Column("gap", LENGTH, "gap_n"),
     Column("weight", LENGTH, "weight_n"),
     Column("deformed_weight", LENGTH, "deformed_weight_n"),
