@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from tmc_vem.problems.contact_probe import Contact
 from tmc_vem.problems.probes import Displacement, Gap, MeanJ, Place, Position, Probe, Reaction
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import require_choice
@@ -12,7 +13,7 @@ from tmc_vem.support.validation import require_choice
 
 @dataclass(frozen=True)
 class ProbeTable:
-    """Something to measure at every load step: one of the first five, and where.
+    """Something to measure at every load step: one of the first six, and where.
 
     Attributes:
         displacement: ``ux`` or ``uy`` of a point.
@@ -20,8 +21,12 @@ class ProbeTable:
         gap: distance of two points, each a name or coordinates.
         reaction: to ``ux`` or ``uy``, where that is prescribed.
         mean: ``J`` over a region.
+        contact: a quantity of contact: ``force``, ``force_x``, ``force_y`` or ``moment`` of a body or a pair of bodies,
+            or ``gap``, ``pressure_max``, ``pressure_fit``, ``half_width``, ``contact_length``, ``centre_x`` or
+            ``centre_y`` of a pair.
         at: name or coordinates of a point; for a reaction, name of a point or edges.
         region: name of a region.
+        of: name of a body, which is that of its region, or of a pair of bodies, as ``block-seal``.
     """
 
     displacement: str | None = None
@@ -29,8 +34,10 @@ class ProbeTable:
     gap: tuple[Place, Place] | None = None
     reaction: str | None = None
     mean: str | None = None
+    contact: str | None = None
     at: Place | None = None
     region: str | None = None
+    of: str | None = None
 
     def __post_init__(self) -> None:
         self.probe()
@@ -97,5 +104,6 @@ KINDS: Mapping[str, Kind] = {
     "gap": Kind(_gap),
     "reaction": Kind(_reaction, ("at",)),
     "mean": Kind(_mean, ("region",)),
+    "contact": Kind(lambda table: Contact(str(table.contact), str(table.of)), ("of",)),
 }
 PLACES = tuple(name for name in ProbeTable.__dataclass_fields__ if name not in KINDS)

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem
+from tmc_vem.problems.contact_probe import Contact
 from tmc_vem.problems.probes import AXES, Displacement, Gap, MeanJ, Place, Position, Reaction, check_probes
+from tmc_vem.simulation.contact_probe import contact_reader
 from tmc_vem.simulation.reading import Behind, MakeReader, Reader, State
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import InputError
@@ -19,7 +21,7 @@ from tmc_vem.system.places import Places
 
 Float = NDArray[np.float64]
 # How the probes of a kind are read, by their class; what a mapping makes is asked once for each state.
-READERS: Mapping[type, MakeReader] = {}
+READERS: Mapping[type, MakeReader] = {Contact: contact_reader}
 
 
 class Gauge:

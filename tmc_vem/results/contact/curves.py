@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.problems.contact_probe import pair_name
 from tmc_vem.results.contact.facing import facing
 from tmc_vem.results.contact.traction import Traction
 from tmc_vem.support.errors import InputError
@@ -121,7 +122,7 @@ class ContactCurves:
                 continue
             weight = self.deformed_weight_n[mine]
             own = float(weight @ self.medium_pressure_n[mine]) / float(weight @ self.pressure_n[mine])
-            shares["-".join(self.bodies[body] for body in pair)] = 1.0 - own
+            shares[pair_name(self.bodies, pair)] = 1.0 - own
         return shares
 
     def lines(self, *, closing: bool = False) -> Iterator[Int]:

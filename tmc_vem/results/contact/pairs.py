@@ -2,34 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.problems.contact_probe import pair_name
 from tmc_vem.results.contact.bump import Bump, vanishes
 from tmc_vem.results.contact.facing import Facing, facing
 from tmc_vem.results.contact.traction import Traction
-from tmc_vem.support.units import ENERGY, FORCE, LENGTH, STRESS
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 Quantities = Mapping[str, float]
 
-# What is reported, with its kind; of a pair, the force is that on the first body.
-OF_BODY = {"force": FORCE, "force_x": FORCE, "force_y": FORCE, "moment": ENERGY}
-OF_PAIR = {
-    **OF_BODY,
-    "gap": LENGTH,
-    "pressure_max": STRESS,
-    "pressure_fit": STRESS,
-    "half_width": LENGTH,
-    "contact_length": LENGTH,
-    "centre_x": LENGTH,
-    "centre_y": LENGTH,
-}
 SHOWN_OF_BODY, SHOWN_OF_PAIR = ("force",), ("force", "pressure_max", "half_width")
 CLOSED = 0.1  # contact is where the gap has shrunk to less than this part of what it was
 LEVEL = 0.5  # of the largest pressure: what is above it makes the width
@@ -83,13 +71,9 @@ def pairs_of(traction: Traction, seen: Facing) -> list[Pair]:
     return [Pair(pair, chosen & first_of, chosen & ~first_of) for pair, chosen in between.items()]
 
 
-def pair_name(bodies: Sequence[str], pair: tuple[int, int]) -> str:
-    """Name of a pair: those of its bodies."""
-    return "-".join(bodies[body] for body in pair)
-
-
 def measure(traction: Traction) -> dict[str, dict[str, float]]:
-    """What is reported of a state, by name of body and of pair: see :data:`OF_BODY` and :data:`OF_PAIR`.
+    """What is reported of a state, by name of body and of pair: see
+    :data:`tmc_vem.problems.contact_probe.OF_BODY` and ``OF_PAIR``.
 
     As long as the gap is open, widths are 0 and there is no centre. A half width is left out where the pressure is that
     of no round contact.
