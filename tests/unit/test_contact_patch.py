@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 from tmc_vem import RunResult, run
+from tmc_vem.results.contact import pairs
 from tmc_vem.simulation.problem_file import read_problem
 
 EXAMPLE = Path(__file__).parents[2] / "demos" / "problems" / "patch.toml"
@@ -93,3 +95,21 @@ def test_pressures_add_up_to_the_force(pressed: RunResult) -> None:
     for n in range(2):
         on_body = curves.body_n == n
         assert (curves.pressure_n * curves.deformed_weight_n)[on_body].sum() == pytest.approx(p, rel=1e-8)
+
+
+def test_a_contact_of_single_stations_has_a_width() -> None:
+    """Where one station of each face touches, all positions along the contact are rounding."""
+    rng = np.random.default_rng(0)
+    for at in rng.uniform(0.1, 1.0, 50):
+        x = np.concatenate([at + np.array([-0.1, 0.0, 0.1]), at * (1 + 1e-16) + np.array([0.1, 0.0, -0.1])])
+        lower = np.arange(6) < 3
+        traction = SimpleNamespace(
+            surface=SimpleNamespace(line_n=np.where(lower, 0, 1), closed_l=np.array([False, False])),
+            points_nx=np.stack([x, np.where(lower, 0.0, 1e-4)], axis=1),
+            tangent_ni=np.where(lower, 1.0, -1.0)[:, None] * [1.0, 0.0],
+            weight_n=np.ones(6), pressure_n=np.array([0.0, 0.3, 0.0, 0.0, 0.3 * at, 0.0]),
+        )  # fmt: skip
+        pair = pairs.Pair((0, 0), lower, ~lower)
+        width = pairs._width(traction, pair)  # type: ignore[arg-type]
+        assert 0.0 <= width["contact_length"] <= 0.2 + 1e-9
+        assert width["centre_x"] == pytest.approx(at)

@@ -22,6 +22,7 @@ SHOWN_OF_BODY, SHOWN_OF_PAIR = ("force",), ("force", "pressure_max", "half_width
 CLOSED = 0.1  # contact is where the gap has shrunk to less than this part of what it was
 LEVEL = 0.5  # of the largest pressure: what is above it makes the width
 FADED = 0.1  # of the largest pressure: contact has ended where it is below
+ROUNDING = 1e-9  # of positions, relative to the length of a contact
 
 
 def is_pair(values: Quantities) -> bool:
@@ -112,7 +113,8 @@ def _width(traction: Traction, pair: Pair) -> dict[str, float]:
     low, high = min(limits.min(), x.min()), max(limits.max(), x.max())
     bump = Bump.fit(x, pressure, weight, float(low), float(high))
     centre = 0.0 if bump is None else bump.centre
-    left, right = x <= centre, x >= centre
+    rounding = ROUNDING * float(high - low)  # where a single station touches, all of x is rounding
+    left, right = x <= centre + rounding, x >= centre - rounding
     first = -vanishes(-x[left], pressure[left], weight[left], -float(low))
     last = vanishes(x[right], pressure[right], weight[right], float(high))
     found = {"half_width": bump.half_width, "pressure_fit": bump.pressure} if bump is not None else {}
