@@ -111,6 +111,7 @@ def method_options() -> Decorator:
             setting(RunOptions, "checkpoint_every"),
             setting(RunOptions, "snapshots"),
             setting(RunOptions, "triangulated"),
+            setting(RunOptions, "fields", metavar="NAMES"),
             *display_options(),
             setting(RunOptions, "solver", metavar="PRESET|FILE"),
             petsc_option(),
@@ -145,6 +146,7 @@ def file_options() -> list[click.Parameter]:
         *element_options(optional=True),
         *out_options(),
         *(setting(RunOptions, name, optional=True) for name in ("checkpoint_every", "snapshots", "triangulated")),
+        setting(RunOptions, "fields", metavar="NAMES", optional=True),
         *display_options(),
         setting(RunOptions, "solver", metavar="PRESET|FILE", optional=True),
         petsc_option(),
@@ -154,7 +156,7 @@ def file_options() -> list[click.Parameter]:
 # Options that a problem file decides unless they are given.
 DECIDED = (
     "method", "steps", "output_loads", "follow", "allow_overlap", "max_iterations", "max_seconds", "solver",
-    "checkpoint_every", "snapshots", "triangulated",
+    "checkpoint_every", "snapshots", "triangulated", "fields",
 )  # fmt: skip
 # Of the element of either method; what the other one has is refused.
 OF_VEM = ("order", "degree", "quadrature", "projection", "rule", "interior_penalty", "eta")
@@ -191,7 +193,7 @@ def chosen_options(options: dict[str, Any]) -> RunOptions:
     """
     same = (
         "method", "steps", "solver", "output_loads", "follow", "allow_overlap", "max_iterations", "max_seconds",
-        "snapshots", "triangulated", "checkpoint_every", "overwrite",
+        "snapshots", "triangulated", "fields", "checkpoint_every", "overwrite",
     )  # fmt: skip
     return RunOptions(
         **{name: options[name] for name in same},

@@ -21,6 +21,8 @@ from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.graded import Graded
 from tmc_vem.system.interior_penalty import require_weights
 
+Int = NDArray[np.int64]
+
 
 class RegionDensity(Protocol):
     """Energy of a region, the values of its parameters, whether it is the third medium, and what varies in it."""
@@ -47,6 +49,8 @@ class Forms:
         facets: by region name, the interior penalty's energy, for the media that have one.
         residual: first derivative of all of it.
         tangent: second derivative.
+        residual_of: the residual of some of this rank's cells (n,) alone, without facets. It differs from ``residual``
+            in the cells that are marked only, so that the same compiled code computes it.
         set_parameters: changes parameters, by name, in every energy that has them.
     """
 
@@ -54,6 +58,7 @@ class Forms:
     facets: Mapping[str, Any]
     residual: Any
     tangent: Any
+    residual_of: Callable[[Int], Any]
     set_parameters: Callable[[Mapping[str, float]], None]
 
 
@@ -68,28 +73,39 @@ def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], sett
     domain = mesh.mesh
     names = mesh.names.regions
     metadata = {"quadrature_degree": settings.quadrature}
-    cell_tags = compat.mesh_tags(domain, 2, np.arange(len(mesh.region_c)), mesh.region_c)
-    dx = ufl.Measure("dx", domain=domain, subdomain_data=cell_tags, metadata=metadata)
     parameters, eta, set_parameters = _parameters(mesh, {name: regions[name] for name in names}, settings.eta)
     G = ufl.variable(ufl.grad(ufl.grad(u)))
     densities = {name: density(u, G, regions[name].integrand, parameters[name]) for name in names}
-    cells = sum(densities[name] * dx(number) for number, name in enumerate(names))
+    media = [name for name in names if regions[name].is_medium and settings.interior_penalty != "none"]
+    width: Any = facet_width(domain, mesh.cell, mesh.areas_c) if media else None
+    test = ufl.TestFunction(u.function_space)
 
-    facets: dict[str, Any] = {}
-    if settings.interior_penalty != "none":
-        media = [name for name in names if regions[name].is_medium]
-        facet_tags = _facet_tags(mesh, media)
+    def energies(cell_tags: Any, facet_tags: Any) -> tuple[Any, dict[str, Any]]:
+        dx = ufl.Measure("dx", domain=domain, subdomain_data=cell_tags, metadata=metadata)
+        cells = sum(densities[name] * dx(number) for number, name in enumerate(names))
+        facets: dict[str, Any] = {}
         dS = ufl.Measure("dS", domain=domain, subdomain_data=facet_tags, metadata=metadata)
-        width = facet_width(domain, mesh.cell, mesh.areas_c)
         for tag, name in enumerate(media, start=1):
             require_weights(name, regions[name].integrand)
             psi = densities[name] if settings.interior_penalty == "full" else None
             facets[name] = facet_energy(u, G, eta / (2 * width), parameters[name], psi) * dS(tag)
+        return cells, facets
 
-    potential = cells + sum(facets.values()) if facets else cells
-    space = u.function_space
-    residual = ufl.derivative(potential, u, ufl.TestFunction(space))
-    return Forms(cells, facets, residual, ufl.derivative(residual, u, ufl.TrialFunction(space)), set_parameters)
+    def residual(cells: Any, facets: Mapping[str, Any]) -> Any:
+        return ufl.derivative(cells + sum(facets.values()) if facets else cells, u, test)
+
+    def residual_of(chosen: Int) -> Any:
+        none = np.empty(0, dtype=np.int64)
+        facet_tags = compat.mesh_tags(domain, 1, none, none) if media else None
+        return residual(*energies(compat.mesh_tags(domain, 2, chosen, mesh.region_c[chosen]), facet_tags))
+
+    everywhere = np.arange(len(mesh.region_c))
+    whole = energies(
+        compat.mesh_tags(domain, 2, everywhere, mesh.region_c), _facet_tags(mesh, media) if media else None
+    )
+    gradient = residual(*whole)
+    tangent = ufl.derivative(gradient, u, ufl.TrialFunction(u.function_space))
+    return Forms(*whole, gradient, tangent, residual_of, set_parameters)
 
 
 def _parameters(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from mpi4py import MPI
 from numpy.typing import NDArray
 
 from codegen.integrand import Integrand
@@ -32,12 +33,14 @@ from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
+from tmc_vem.system.point_states import PointStates
 from tmc_vem.system.reduction import Shares, at_named_points, in_order, reaction, resultant, step_limit
 from tmc_vem.system.sides import Sides
 from tmc_vem.system.unloaded import Unloaded, require_regions
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 Components = Callable[[tuple[int, ...]], NDArray[Any]]
 
 CELLS_AT_ONCE = 4096  # whose dense arrays are held at a time
@@ -90,6 +93,7 @@ class FemSystem(Unloaded):
         self._values = {name: dict(region.values) for name, region in regions.items()}
         self._factors = {name: self._factors_of(number) for number, name in enumerate(self.region_names)}
         self._tangent: Mat | None = None
+        self._partial_forms: dict[bytes, Any] = {}
         self._load_nodes: Float | None = None
         held = Constrained.of(prescribed, self.nodes.named, self.nodes.points_nx)
         self._constrained = held.along_x_and_y()
@@ -186,6 +190,34 @@ class FemSystem(Unloaded):
         """Force and moment (3,) that hold a named point or edge set."""
         nodes = self.owned_nodes(where)
         return resultant(self.comm, u, residual, nodes, self.nodes.points_nx[nodes], about)
+
+    def internal_forces(self, u: Vec, chosen_c: Bool) -> Float:
+        """(n_owned_nodes, 2) forces with which some cells of all ranks resist at this rank's nodes."""
+        self._local_values(u)
+        compat.assemble_vector(self._gradient, self._residual_form_of(chosen_c))
+        return DISPLACEMENT.nodal(self._gradient.x.array)[: self.nodes.n_owned].copy()
+
+    def point_states(self, u: Vec) -> Iterator[PointStates]:
+        """This rank's cells at their quadrature points, some at a time."""
+        u_nodes = self._local_values(u)
+        for name, of_region in zip(self.region_names, self._cells_of, strict=True):
+            integrand = self.densities[name].integrand
+            needs_second = any(entry.take is Take.SECOND_GRADIENT for entry in integrand.inputs)
+            for first in range(0, len(of_region), CELLS_AT_ONCE):
+                cells = of_region[first : first + CELLS_AT_ONCE]
+                u_cai = u_nodes[self.nodes.cell_nodes_ca[cells]]
+                gradient, second = (
+                    self.points.gradients(u_cai, cells)
+                    if needs_second
+                    else (self.points.first_gradient(u_cai, cells), None)
+                )
+                factors = {
+                    key: factor_c1[first : first + CELLS_AT_ONCE] for key, factor_c1 in self._factors[name].items()
+                }
+                values = {key: self._values[name][key] * factors.get(key, 1.0) for key in integrand.parameter_names}
+                yield PointStates(
+                    name, cells, self.points.w_cq[cells], self.points.X_cqx[cells], np.eye(2) + gradient, second, values
+                )
 
     def owned_nodes(self, where: str) -> Int:
         """Nodes at a named point or edge set that this rank owns, as positions in its part of a vector."""
@@ -295,6 +327,14 @@ class FemSystem(Unloaded):
     @functools.cached_property
     def _residual_form(self) -> Any:
         return compat.form(self.forms.residual)
+
+    def _residual_form_of(self, chosen_c: Bool) -> Any:
+        """That of some cells alone; kept, as the same ones are asked for again."""
+        known = self._partial_forms
+        key = chosen_c.tobytes()
+        if self.comm.allreduce(key not in known, op=MPI.LOR):  # making a form is for all ranks together
+            known[key] = compat.form(self.forms.residual_of(np.flatnonzero(chosen_c)))
+        return known[key]
 
     @functools.cached_property
     def _tangent_form(self) -> Any:

@@ -11,7 +11,8 @@ from tmc_vem.problems.graded import PLACE
 from tmc_vem.problems.load_tables import LoadTable, SpringTable
 from tmc_vem.problems.materials import Material, Medium, chosen_weight
 from tmc_vem.problems.mesh_tables import XY, EdgesTable, MeshTable, ShapeTable
-from tmc_vem.problems.probes import GAP, Displacement, Gap, MeanJ, Place, Position, Probe, Reaction, check_name
+from tmc_vem.problems.probe_table import ProbeTable
+from tmc_vem.problems.probes import GAP, Place, check_name
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.formulas import Formula
 from tmc_vem.support.settings import about, described, same_as
@@ -180,60 +181,6 @@ class ConditionTable:
             for name, value in values.items()
             if value is not None
         ]
-
-
-@dataclass(frozen=True)
-class ProbeTable:
-    """Something to measure at every load step: one of the first five, and where.
-
-    Attributes:
-        displacement: ``ux`` or ``uy`` of a point.
-        position: ``x`` or ``y`` of a point in the deformed state.
-        gap: distance of two points, each a name or coordinates.
-        reaction: to ``ux`` or ``uy``, where that is prescribed.
-        mean: ``J`` over a region.
-        at: name or coordinates of a point; for a reaction, name of a point or edges.
-        region: name of a region.
-    """
-
-    displacement: str | None = None
-    position: str | None = None
-    gap: tuple[Place, Place] | None = None
-    reaction: str | None = None
-    mean: str | None = None
-    at: Place | None = None
-    region: str | None = None
-
-    def __post_init__(self) -> None:
-        self.probe()
-
-    def probe(self) -> Probe:
-        """The probe.
-
-        Raises:
-            InputError: there is not exactly one, or it lacks the place or has one of another kind.
-        """
-        needs = {"displacement": "at", "position": "at", "gap": None, "reaction": "at", "mean": "region"}
-        given = [name for name in needs if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise InputError(f"give one of {', '.join(needs)}, not {' and '.join(given) or 'none'}")
-        what = given[0]
-        for place in ("at", "region"):
-            if (getattr(self, place) is None) == (needs[what] == place):
-                raise InputError(f"{what} {'lacks' if needs[what] == place else 'has no use for'} '{place}'")
-        if self.gap is not None:
-            return Gap(*self.gap)
-        if self.mean is not None:
-            require_choice("mean", self.mean, ("J",))
-            return MeanJ(str(self.region))
-        assert self.at is not None
-        if self.displacement is not None:
-            return Displacement(self.displacement, self.at)
-        if self.position is not None:
-            return Position(self.position, self.at)
-        if not isinstance(self.at, str):
-            raise InputError("at: a reaction needs the name of a point or of edges")
-        return Reaction(str(self.reaction), self.at)
 
 
 @dataclass(frozen=True, kw_only=True)

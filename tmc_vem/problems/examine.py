@@ -11,7 +11,7 @@ from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, media_of, st
 from tmc_vem.problems.conditions import check_conditions, check_forces, check_shared, require_cells, require_held
 from tmc_vem.problems.directions import on_mesh
 from tmc_vem.problems.hints import cause_at, hints, likely
-from tmc_vem.problems.probes import Gap, Place, Probe
+from tmc_vem.problems.probes import Gap, Place, Probe, examine_probes
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import COMPONENTS, Condition, Prescribed, PrescribedAcross
 from tmc_vem.system.control import Control
@@ -48,6 +48,7 @@ def examine(problem: Problem, mesh: PolygonMesh, loads: Sequence[float] = (1.0,)
     check_forces(mesh, forces)
     check_shared(mesh, prescribed, load, loads)
     check_gaps(mesh, problem.probes())
+    examine_probes(problem.probes(), mesh, regions)
     for stage in stages_of(problem) or (None,):
         holding = [each for each in prescribed if not each.stages or (stage and stage.name in each.stages)]
         try:

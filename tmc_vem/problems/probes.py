@@ -5,12 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
+from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import FORCE, LENGTH, NONE
 from tmc_vem.support.validation import check_fields, require_choice, require_finite, shown
 from tmc_vem.system.constraints import COMPONENTS, Condition, Prescribed
+
+if TYPE_CHECKING:
+    from tmc_vem.problems.base import RegionEnergy
 
 # The name of a point of the mesh, or coordinates of the reference configuration, which need not be those of a node.
 Place = str | tuple[float, float]
@@ -24,7 +28,62 @@ _NAME = re.compile(r"[^\W\d][\w-]*")
 
 
 @dataclass(frozen=True)
-class Displacement:
+class Known:
+    """What is known of a problem without its mesh.
+
+    Attributes:
+        held: where a displacement component is prescribed, by name and number of the component.
+        regions: names of the regions.
+    """
+
+    held: frozenset[tuple[str, int]]
+    regions: tuple[str, ...]
+
+    def require_region(self, name: str) -> None:
+        """Check that a region is there.
+
+        Raises:
+            InputError: it is not.
+        """
+        if name not in self.regions:
+            raise InputError(f"there is no region '{name}' (there are: {', '.join(self.regions)})")
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Something that is measured at every load step, as a frozen dataclass; its words in a message are ``str``.
+
+    How each kind is read is in :data:`tmc_vem.simulation.gauge.READERS`, how it is written in a problem file in
+    :data:`tmc_vem.problems.probe_table.KINDS`.
+    """
+
+    @property
+    def kind(self) -> str:
+        """Kind of quantity, as in :mod:`tmc_vem.support.units`."""
+        raise NotImplementedError
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Points whose displacement it needs."""
+        return ()
+
+    def check(self, known: Known) -> None:
+        """Check what can be known without a mesh.
+
+        Raises:
+            InputError: what it refers to is not there; the message does not name the probe.
+        """
+
+    def examine(self, mesh: PolygonMesh, regions: Mapping[str, RegionEnergy]) -> None:
+        """Check the rest on the whole mesh, before it is distributed.
+
+        Raises:
+            InputError: what it refers to is not there; the message does not name the probe.
+        """
+
+
+@dataclass(frozen=True)
+class Displacement(Probe):
     """Displacement component of a point.
 
     Attributes:
@@ -51,7 +110,7 @@ class Displacement:
 
 
 @dataclass(frozen=True)
-class Position:
+class Position(Probe):
     """Coordinate of a point in the deformed state.
 
     Attributes:
@@ -78,7 +137,7 @@ class Position:
 
 
 @dataclass(frozen=True)
-class Gap:
+class Gap(Probe):
     """Distance of two points in the deformed state, negative where surfaces have crossed.
 
     The sign counts where outlines of solids cross: the distance is negative if the second point lies behind the surface
@@ -113,7 +172,7 @@ class Gap:
 
 
 @dataclass(frozen=True)
-class Reaction:
+class Reaction(Probe):
     """Force that holds a named point or edges.
 
     Attributes:
@@ -124,32 +183,40 @@ class Reaction:
     component: str
     at: str
     kind: ClassVar[str] = FORCE
-    places: ClassVar[tuple[Place, ...]] = ()
 
     def __post_init__(self) -> None:
         check_fields(self)
         require_choice("reaction", self.component, COMPONENTS)
+
+    def check(self, known: Known) -> None:
+        """Check that something is held there."""
+        if (self.at, COMPONENTS[self.component]) not in known.held:
+            held = {f"{next(c for c, n in COMPONENTS.items() if n == i)} at {where}" for where, i in known.held}
+            raise InputError(
+                f"{self.component} is not prescribed at '{self.at}', so nothing holds it; prescribed are "
+                f"{', '.join(sorted(held)) or 'none'}"
+            )
 
     def __str__(self) -> str:
         return f"reaction to {self.component} at {self.at}"
 
 
 @dataclass(frozen=True)
-class MeanJ:
+class MeanJ(Probe):
     """Mean of J over a region: its deformed area over its area."""
 
     region: str
     kind: ClassVar[str] = NONE
-    places: ClassVar[tuple[Place, ...]] = ()
 
     def __post_init__(self) -> None:
         check_fields(self)
 
+    def check(self, known: Known) -> None:
+        """Check that the region is there."""
+        known.require_region(self.region)
+
     def __str__(self) -> str:
         return f"mean of J over {self.region}"
-
-
-Probe = Displacement | Position | Gap | Reaction | MeanJ
 
 
 def check_probes(probes: Mapping[str, Probe], prescribed: Sequence[Condition], regions: Sequence[str]) -> None:
@@ -159,19 +226,29 @@ def check_probes(probes: Mapping[str, Probe], prescribed: Sequence[Condition], r
         InputError: a name is reserved or has characters that a column should not have; a reaction is asked for where
             nothing is prescribed; a region is unknown; or 'gap', which reports go by, is no distance.
     """
-    held = {(condition.where, i) for condition in prescribed for i in _components(condition)}
+    held = frozenset((condition.where, i) for condition in prescribed for i in _components(condition))
+    known = Known(held, tuple(regions))
     for name, probe in probes.items():
         check_name(name)
         if name == GAP and not isinstance(probe, Gap):
             raise InputError(f"probes: {GAP}: reports take it for a distance of two points; choose another name")
-        if isinstance(probe, Reaction) and (probe.at, COMPONENTS[probe.component]) not in held:
-            known = {f"{next(c for c, n in COMPONENTS.items() if n == i)} at {where}" for where, i in held}
-            raise InputError(
-                f"probes: {name}: {probe.component} is not prescribed at '{probe.at}', so nothing holds it; prescribed "
-                f"are {', '.join(sorted(known)) or 'none'}"
-            )
-        if isinstance(probe, MeanJ) and probe.region not in regions:
-            raise InputError(f"probes: {name}: there is no region '{probe.region}' (there are: {', '.join(regions)})")
+        try:
+            probe.check(known)
+        except InputError as error:
+            raise InputError(f"probes: {name}: {error}") from None
+
+
+def examine_probes(probes: Mapping[str, Probe], mesh: PolygonMesh, regions: Mapping[str, RegionEnergy]) -> None:
+    """Check the rest on the whole mesh.
+
+    Raises:
+        InputError: what a probe refers to is not there.
+    """
+    for name, probe in probes.items():
+        try:
+            probe.examine(mesh, regions)
+        except InputError as error:
+            raise InputError(f"probes: {name}: {error}") from None
 
 
 def _components(condition: Condition) -> tuple[int, ...]:

@@ -12,7 +12,9 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Protocol
 
+from tmc_vem.problems.contact_probe import OF_BODY, OF_PAIR
 from tmc_vem.problems.probes import GAP, RESERVED, RESERVED_STARTS
+from tmc_vem.results.contact.pairs import is_pair, shown
 from tmc_vem.results.unfinished import BEGUN, CHECKPOINT, COMMAND
 
 # Schema of run directories that is written, and the oldest that is read. A new entry with a default in ``read`` or
@@ -20,10 +22,13 @@ from tmc_vem.results.unfinished import BEGUN, CHECKPOINT, COMMAND
 SCHEMA, OLDEST = 1, 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
 PROBLEM = "problem.toml"  # of a run whose problem came from tables
+# tractions: the table of the last step, and of all snapshots the folder and the collection of their lines
+CONTACT_TABLE, CONTACT_FOLDER, CONTACT_LINES = "contact.csv", "contact", "contact.pvd"
 TRIANGULATED = "triangulated"  # fields cut into triangles: the collection, and what their files begin with
 # groups of values in a record, and what their columns begin with
 _GROUPS = {"min_j": "min_j_", "energy": "energy_", "parameters": "parameter_"}
 OF = "."  # between a load and a quantity of it
+CONTACT = "contact" + OF  # what the columns of contact begin with; then comes a body or a pair, and a quantity
 # What is said of a load that is shown, and not in the files alone; of springs, what has no pair.
 SHOWN = ("displacement", "reaction", "angle", "moment", "force", "area", "swept", "pressure", "work")
 SHOWN_OF_SPRINGS = ("force_x", "force_y", "energy")
@@ -58,6 +63,8 @@ class StepRecord:
         load_work: work of all prescribed displacements since the start; None, and no column, where there are neither
             histories nor loads with names.
         forces: what is reported of loads and springs by their names, see :mod:`tmc_vem.problems.columns`.
+        contact: forces of the medium on bodies, and contact of pairs of outlines, by their names, see
+            :mod:`tmc_vem.results.contact.pairs`; what is not known in a state is left out.
     """
 
     step: int
@@ -78,6 +85,7 @@ class StepRecord:
     load_force: float | None = None
     load_work: float | None = None
     forces: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    contact: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def coordinate(self) -> float:
@@ -91,28 +99,33 @@ class StepRecord:
 
     @property
     def reported(self) -> dict[str, float]:
-        """Probes, and what is shown of loads and springs, ``<load>.<quantity>``."""
+        """Probes, what is shown of loads and springs, ``<load>.<quantity>``, and of contact,
+        ``contact.<body or pair>.<quantity>``."""
         found = dict(self.probes)
         for name, values in self.forces.items():
             hidden = {"moment"} if "amplitude" in values else set()  # of forces, about the origin: in the files alone
-            shown = {*(SHOWN_OF_SPRINGS if is_spring(values) else SHOWN)} - hidden
-            found |= {name + OF + quantity: value for quantity, value in values.items() if quantity in shown}
-        return found
+            named = {*(SHOWN_OF_SPRINGS if is_spring(values) else SHOWN)} - hidden
+            found |= {name + OF + quantity: value for quantity, value in values.items() if quantity in named}
+        of_contact = shown(self.contact).items()
+        return found | {CONTACT + name + OF + quantity: value for (name, quantity), value in of_contact}
 
     def as_row(self) -> dict[str, Any]:
-        """Flat form for history.csv, groups as ``min_j_<region>``, ``energy_<region>``, ``parameter_<name>`` and
-        ``<force>.<measure>``.
+        """Flat form for history.csv, groups as ``min_j_<region>``, ``energy_<region>``, ``parameter_<name>``,
+        ``<force>.<measure>`` and ``contact.<body or pair>.<quantity>``.
 
         The regions keep their order, by which the fields of a run directory are given their names.
         """
         flat: dict[str, Any] = {}
         for name, value in asdict(self).items():
-            if name not in (*_GROUPS, "forces") and not (name == "load_work" and value is None):
+            if name not in (*_GROUPS, "forces", "contact") and not (name == "load_work" and value is None):
                 flat |= value if name == "probes" else {name: value}
         for name, prefix in _GROUPS.items():
             flat |= {prefix + key: value for key, value in getattr(self, name).items()}
         for name, measures in self.forces.items():
             flat |= {name + OF + measure: value for measure, value in measures.items()}
+        for name, quantities in self.contact.items():
+            columns = OF_PAIR if is_pair(quantities) else OF_BODY
+            flat |= {CONTACT + name + OF + quantity: quantities.get(quantity) for quantity in columns}
         return {key: "" if value is None else value for key, value in flat.items()}
 
     @staticmethod
@@ -128,9 +141,11 @@ class StepRecord:
 
         others = [key for key in row if key not in RESERVED and not key.startswith(RESERVED_STARTS)]
         forces: dict[str, dict[str, float]] = {}
+        contact: dict[str, dict[str, float]] = {}
         for key, value in values({key: row[key] for key in others if OF in key}).items():
             name, _, measure = key.rpartition(OF)
-            forces.setdefault(name, {})[measure] = value
+            of_contact = name.startswith(CONTACT)  # and of a load called "contact" it is not
+            (contact if of_contact else forces).setdefault(name.removeprefix(CONTACT), {})[measure] = value
 
         return StepRecord(
             step=int(row["step"]),
@@ -151,6 +166,7 @@ class StepRecord:
             load_force=float(row["load_force"]) if row.get("load_force") else None,
             load_work=float(row["load_work"]) if row.get("load_work") else None,
             forces=forces,
+            contact=contact,
         )
 
     @staticmethod
@@ -162,7 +178,9 @@ class StepRecord:
 
 # columns of history.csv that every run has
 COLUMNS = tuple(
-    entry.name for entry in fields(StepRecord) if entry.name not in ("probes", "load_work", "forces", *_GROUPS)
+    entry.name
+    for entry in fields(StepRecord)
+    if entry.name not in ("probes", "load_work", "forces", "contact", *_GROUPS)
 )
 
 

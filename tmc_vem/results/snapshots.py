@@ -11,6 +11,7 @@ import numpy as np
 
 from tmc_vem.results.records import COLLECTION, TRIANGULATED, StepRecord, Written
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.units import FIELDS as UNITS_OF
 from tmc_vem.support.vtk_types import POLYGON, QUADRATIC_QUAD, QUADRATIC_TRIANGLE, from_vtk
 from tmc_vem.system.fields import Fields, Polygons
 
@@ -126,4 +127,6 @@ def _fields(mesh: Any, region_names: tuple[str, ...], media: tuple[str, ...]) ->
         jacobian_c=values["J"],
         min_jacobian_c=values["min_J"],
         energy_density_c=values["energy_density"],
+        cell_fields={name: value for name, value in values.items() if name not in UNITS_OF},
+        point_fields={name: np.asarray(value) for name, value in mesh.point_data.items() if name not in UNITS_OF},
     )

@@ -13,6 +13,7 @@ from __future__ import annotations
 import base64
 import sys
 import zlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from tmc_vem.support.files import whole_file
 from tmc_vem.support.units import COORDINATES, Units
 from tmc_vem.support.vtk_types import cell_types, to_vtk
 from tmc_vem.system.fields import Fields, Polygons, units_label
+from tmc_vem.system.tensors import COMPONENTS, kind_of
 
 BLOCK = 1 << 20  # bytes that are compressed as one, of any number of arrays
 STORED, COMPRESSED = 0, 1  # levels of zlib; those above 1 take four times as long for a tenth less
@@ -50,7 +52,7 @@ class VtuWriter:
     """
 
     def __init__(self, polygons: Polygons, units: Units | None = None) -> None:
-        self._units = (units or Units()).of_fields()
+        self._of, self._units = (units or Units()).of, (units or Units()).of_fields()
         sizes = np.diff(polygons.offsets)
         self._counts = f'NumberOfPoints="{len(polygons.points_nx)}" NumberOfCells="{polygons.n_cells}"'
         types = cell_types(polygons.points_nx, polygons.offsets, polygons.connectivity)
@@ -90,8 +92,12 @@ class VtuWriter:
         groups = {
             "Points": [self._points],
             "Cells": self._cells,
-            "PointData": [moved],
-            "CellData": [*per_cell, *self._regions],
+            "PointData": [moved, *self._more(fields.point_fields)],
+            "CellData": [
+                *per_cell,
+                *self._regions,
+                *self._more({name: value[self._order] for name, value in fields.cell_fields.items()}),
+            ],
         }
         head = (
             '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" header_type="UInt64" '
@@ -109,10 +115,33 @@ class VtuWriter:
                 file.write(f"      </{group}>\n".encode())
             file.write(b"    </Piece>\n  </UnstructuredGrid>\n</VTKFile>\n")
 
+    def _more(self, fields: Mapping[str, NDArray[np.float64]]) -> list[_Array]:
+        """Stresses and strains."""
+        return [
+            _array(name, values, STORED, self._of(kind_of(name)), _named(COMPONENTS.get(name, ())))
+            for name, values in fields.items()
+        ]
 
-def _array(name: str, values: NDArray[Any], level: int, unit: str = "") -> _Array:
+    def elements(self, fields: Mapping[str, NDArray[np.float64]]) -> dict[str, str]:
+        """What a file that puts pieces together says of such arrays."""
+        found = {}
+        for name, values in fields.items():
+            several = (
+                f' NumberOfComponents="{values.shape[1]}"{_named(COMPONENTS.get(name, ()))}' if values.ndim > 1 else ""
+            )
+            label = units_label(self._of(kind_of(name)))
+            found[name] = f'<PDataArray type="Float64" Name="{name}"{several}>{label}</PDataArray>'
+        return found
+
+
+def _named(components: Sequence[str]) -> str:
+    """Attributes with the names of an array's components."""
+    return "".join(f' ComponentName{n}="{component}"' for n, component in enumerate(components))
+
+
+def _array(name: str, values: NDArray[Any], level: int, unit: str = "", named: str = "") -> _Array:
     """Values (n,) or (n, components) as blocks, after their number, their size, the last one's, and what they take."""
-    components = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else ""
+    components = f' NumberOfComponents="{values.shape[1]}"{named}' if values.ndim > 1 else ""
     plain = np.ascontiguousarray(values).tobytes()
     blocks = [zlib.compress(plain[start : start + BLOCK], level) for start in range(0, len(plain), BLOCK)]
     head = np.array([len(blocks), BLOCK, len(plain) % BLOCK, *map(len, blocks)], np.uint64)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem
+from tmc_vem.problems.contact_probe import Contact
 from tmc_vem.problems.probes import AXES, Displacement, Gap, MeanJ, Place, Position, Reaction, check_probes
+from tmc_vem.simulation.contact_probe import contact_reader
+from tmc_vem.simulation.reading import Behind, MakeReader, Reader, State
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import COMPONENTS
@@ -17,8 +20,8 @@ from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.places import Places
 
 Float = NDArray[np.float64]
-# Of two points, given by their places in the reference and in the deformed state.
-Behind = Callable[[Sequence[Float], Sequence[Float]], bool]
+# How the probes of a kind are read, by their class; what a mapping makes is asked once for each state.
+READERS: Mapping[type, MakeReader] = {Contact: contact_reader}
 
 
 class Gauge:
@@ -52,14 +55,26 @@ class Gauge:
             polygons = system.output_polygons()
             self._region_c = np.array(polygons.region_names)[polygons.region_c]
             self._area_c = system.cell_areas()
+        self._readers: list[Reader] = []
+        for kind, make in READERS.items():
+            some = {name: probe for name, probe in self.probes.items() if type(probe) is kind}
+            if some:
+                self._readers.append(make(some, problem, system))
 
-    def read(self, u: Vec, residual: Vec, behind: Behind | None = None) -> dict[str, float]:
+    def read(
+        self,
+        u: Vec,
+        residual: Vec,
+        behind: Behind | None = None,
+        contact: Mapping[str, Mapping[str, float]] | None = None,
+    ) -> dict[str, float]:
         """Values of the probes at a state with its residual, equal on all ranks.
 
         Args:
             u: displacements.
             residual: full gradient of the potential at ``u``.
             behind: tells whether the second of two points is behind the surface of the first, where surfaces cross.
+            contact: what is reported of contact, by name of body or pair.
         """
         moved: dict[Place, Float] = {}
         if self._named:
@@ -74,7 +89,12 @@ class Gauge:
             Reaction: lambda p: self._system.reaction(residual, p.at, COMPONENTS[p.component]),
             MeanJ: lambda p: means[p.region],
         }
-        return {name: float(readers[type(probe)](probe)) for name, probe in self.probes.items()}
+        state = State(u, residual, behind, contact or {})
+        found = {name: value for reader in self._readers for name, value in reader(state).items()}
+        return {
+            name: float(found[name] if name in found else readers[type(probe)](probe))
+            for name, probe in self.probes.items()
+        }
 
     def _gap(self, probe: Gap, moved: Mapping[Place, Float], behind: Behind | None) -> float:
         origins = [self._reference[place] for place in probe.places]

@@ -9,6 +9,7 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.support.settings import about, described
 from tmc_vem.support.validation import check_fields, require_finite, require_known, require_positive
 from tmc_vem.system.fem_settings import FemSettings
+from tmc_vem.system.tensors import DEFAULT, require_fields
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 METHODS = ("vem", "fem")
@@ -90,13 +91,31 @@ class RunOptions:
         default=False,
         metadata=about("Write them once more, cut into triangles, in which all filters of VTK are exact."),
     )
+    fields: str = field(
+        default=",".join(DEFAULT),
+        metadata=about(
+            "Stress and strain in them, of cells and recovered at points: names with commas between, or none. Names: "
+            "cauchy_stress, first_piola_stress, deformation_gradient, von_mises, principal_stress_1 to _3, "
+            "principal_stretch_1, and those of docs/howto/stress.md."
+        ),
+    )
     checkpoint_every: int = field(default=1, metadata=about("Load steps from one checkpoint to the next; 0 for none."))
     overwrite: bool = field(default=False, metadata=about("Replace an earlier run in the run directory."))
+
+    @property
+    def field_names(self) -> tuple[str, ...]:
+        """Names of stress and strain that are written."""
+        names = tuple(name.strip() for name in self.fields.split(",") if name.strip())
+        return () if names == ("none",) else names
 
     def __post_init__(self) -> None:
         check_fields(self)
         if not 0 <= self.snapshots <= 10_000:
             raise InputError(f"snapshots = {self.snapshots}: use 0 to 10000")
+        try:
+            require_fields(self.field_names)
+        except InputError as error:
+            raise InputError(f"fields: {error}") from None
         if self.checkpoint_every < 0:
             raise InputError(f"checkpoint every {self.checkpoint_every} steps: use 1 or more, or 0 for none")
         if not 0.0 < self.largest_step <= 1.0:

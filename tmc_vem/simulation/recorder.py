@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from tmc_vem.problems.base import Problem, media_of
 from tmc_vem.problems.columns import KINDS, named_loads, pair_of, quantities_of
 from tmc_vem.results.contact.contact import check_contact
+from tmc_vem.results.contact.curves import ContactCurves
+from tmc_vem.results.contact_files import collect, write_last, write_snapshot
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.energy_balance import energy_balance
 from tmc_vem.results.output import SnapshotWriter, gather_fields
@@ -26,6 +28,7 @@ from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import how_to_go_on
 from tmc_vem.simulation.balance import balance
 from tmc_vem.simulation.checkpoint import DURABLE, Checkpoint
+from tmc_vem.simulation.contact_gauge import ContactGauge
 from tmc_vem.simulation.gauge import Gauge
 from tmc_vem.simulation.measured import LoadGauge, Reading
 from tmc_vem.simulation.monitor import Monitor
@@ -42,6 +45,7 @@ from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Fields
 from tmc_vem.system.forces import BodyForce
 from tmc_vem.system.layout import DISPLACEMENT
+from tmc_vem.system.stress import Stresses
 
 Float = NDArray[np.float64]
 # Reactions below this part of the largest energy over the size of the domain are those of an unloaded body.
@@ -63,16 +67,19 @@ class Recorder:
         timer: phases of the run.
         watch: knows whether solids overlap in the state that converged last.
         triangulated: write the fields once more, cut into triangles.
+        stress_fields: names of stress and strain that are written.
     """
 
     def __init__(
         self, problem: Problem, system: Discretisation, gauge: Gauge, inputs: Mapping[str, Any],
         directory: RunDirectory | None, times: Sequence[float], checkpoint_every: int, monitor: Monitor, timer: Timer,
-        watch: OverlapWatch, *, triangulated: bool = False,
+        watch: OverlapWatch, *, triangulated: bool = False, stress_fields: Sequence[str] = (),
     ) -> None:  # fmt: skip
         self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
         self.gauge, self.monitor, self.timer, self.watch = gauge, monitor, timer, watch
         self.loads = LoadGauge(problem, system)
+        media = {name: problem.regions()[name].integrand for name in media_of(problem)}
+        self.contact = ContactGauge(system, media, int(inputs["order"]))
         self._read: Reading | None = None
         self._inverted: dict[str, Any] = {}
         self.history: list[StepRecord] = []
@@ -86,10 +93,11 @@ class Recorder:
         # when to wait for the disk again, and whether it has the checkpoint that is there
         self._durable_until, self._is_durable = time.monotonic() + DURABLE, True
         self._snapshots: SnapshotWriter | None = None
+        self._stresses = Stresses(system, {name: region.integrand for name, region in problem.regions().items()})
         if directory is not None and times:
             self._snapshots = SnapshotWriter(
                 system, directory.path, tuple(times), media_of(problem), problem.units(), triangulated=triangulated,
-                order=self._order,
+                order=self._order, stresses=self._stresses, names=stress_fields,
             )  # fmt: skip
 
     def record(self, step: Step, states: States, position: StepperState) -> None:
@@ -97,6 +105,9 @@ class Recorder:
         u, residual = states.vectors[-1], step.newton.residual
         assert residual is not None  # it has converged
         regions = step.newton.evaluation.regions
+        with self.timer("contact"):
+            traction = self.contact.traction(u, residual)
+            contact = self.contact.measured(traction)
         with self.timer("tables"):
             reading = self.loads.read(u, residual, step.control, self._read)
             self._read = reading
@@ -104,7 +115,7 @@ class Recorder:
                 step=step.number,
                 load=step.load,
                 displacement=reading.displacement,
-                probes=self.gauge.read(u, residual, functools.partial(self.watch.behind, u)),
+                probes=self.gauge.read(u, residual, functools.partial(self.watch.behind, u), contact),
                 reaction=reading.reaction,
                 iterations=len(step.newton.iterations),
                 cut_backs=step.cut_backs,
@@ -119,11 +130,13 @@ class Recorder:
                 load_force=self._load_force(residual, step.control),
                 load_work=reading.work,
                 forces=reading.loads,
+                contact=contact,
             )
             self._add_to_history(record)
         if self._snapshots is not None:
             with self.timer("snapshots"), _reported(self._snapshots.directory):
-                self._snapshots.offer(step.number, step.time, u)
+                if self._snapshots.offer(step.number, step.time, u):
+                    self._write_contact(step.number, self.contact.curves(u, residual))
         if self._every and step.number % self._every == 0:
             with self.timer("checkpoints"):
                 self._write_checkpoint(states, position)
@@ -171,7 +184,10 @@ class Recorder:
             units = self._headings(self.history[-1]) if self.history else {}
             self.directory.rewrite_history(self.history, units)
         if self._snapshots is not None:
-            self._snapshots.restore(facts["snapshots"])
+            snapshots = self._snapshots
+            snapshots.restore(facts["snapshots"])
+            if self.contact.is_used:
+                on_root(self.system.comm, lambda: collect(snapshots.directory, snapshots.entries))
         if self.history:
             self._read = self._read_again(u)
         position = dict(facts["position"])
@@ -220,15 +236,22 @@ class Recorder:
             solver: name of the linear solver.
             cut_short: a limit on work has ended the stepping.
         """
-        if self._snapshots is not None and self.history:
-            with self.timer("snapshots"), _reported(self._snapshots.directory):
-                self._snapshots.write(self.history[-1].step, self.history[-1].coordinate, u)
+        residual = self.system.create_vector()
         with self.timer("check"):
-            residual = self.system.create_vector()
             evaluation = self.system.residual(u, residual)
+        with self.timer("contact"):
+            curves = self.contact.curves(u, residual)
+        if self._snapshots is not None and self.history:
+            last = self.history[-1]
+            with self.timer("snapshots"), _reported(self._snapshots.directory):
+                if self._snapshots.write(last.step, last.coordinate, u):
+                    self._write_contact(last.step, curves)
+        with self.timer("check"):
             imbalance = self._imbalance(residual, self.history[-1].forces if self.history else {})
             checks: dict[str, Any] = {"imbalance": imbalance, **self._second_gradient(u, evaluation)}
             checks |= {**self._between_the_points(u), **self._inverted}
+            if curves is not None:
+                checks["regulariser_share"] = curves.regulariser_share()
             balance_of_energy = energy_balance(self.history)
             if balance_of_energy:
                 checks["energy_balance"] = balance_of_energy.as_dict()
@@ -261,12 +284,22 @@ class Recorder:
             directory=None if self.directory is None else self.directory.path,
             units=self._units(history[-1]) if history else {},
             cut_short=cut_short and not outcome.complete,
+            curves=curves,
         )
         if self.directory is not None:
             directory = self.directory
             with _reported(directory.path):
+                if curves is not None:
+                    on_root(self.system.comm, lambda: write_last(directory.path, curves, self.problem.units()))
                 on_root(self.system.comm, lambda: directory.write_result(result))
         return result
+
+    def _write_contact(self, step: int, curves: ContactCurves | None) -> None:
+        """Write the tractions of a snapshot that has just been written; called on all ranks."""
+        snapshots, units = self._snapshots, self.problem.units()
+        if curves is not None and snapshots is not None:
+            found, entries = curves, snapshots.entries
+            on_root(self.system.comm, lambda: write_snapshot(snapshots.directory, step, found, units, entries))
 
     def _draw(self, fields: Fields, path: Path) -> None:
         from tmc_vem.report.figures import draw_deformed
@@ -374,6 +407,7 @@ class Recorder:
         by_name = {load.name + OF + quantity: KINDS[quantity] for load in named for quantity in quantities_of(load)}
         first = dict(zip(("displacement", "reaction"), pair_of(self.problem.load()), strict=True))
         kinds |= by_name | {name: KINDS[quantity] for name, quantity in first.items()}
+        kinds |= self.contact.kinds(record.contact if record else {})
         by_region = [f"{group}{name}" for group in ("min_j_", "energy_") for name in self.problem.regions()]
         columns = (
             ["displacement", *self.gauge.probes, "reaction", *by_region, *by_name]

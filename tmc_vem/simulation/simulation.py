@@ -128,6 +128,7 @@ def prepare(
         recorder = Recorder(
             problem, system, gauge, run_inputs(problem, options), directory, snapshot_times(path, options),
             options.checkpoint_every, monitor, timer, watch, triangulated=options.triangulated,
+            stress_fields=options.field_names,
         )  # fmt: skip
     timer.pause()
     return Simulation(

@@ -5,7 +5,7 @@ A check by mypy and ``tests/unit/test_discretisation.py`` hold both to it, and w
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -17,11 +17,13 @@ from tmc_vem.system.constraints import Condition, Pair
 from tmc_vem.system.control import Control
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.places import PointSource
+from tmc_vem.system.point_states import PointStates
 from tmc_vem.system.sides import Sides
 from tmc_vem.system.turned import Turned
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -202,6 +204,14 @@ class Discretisation(NonlinearSystem, PointSource, Protocol):
         """Resultant (3,) of what holds a named point or edge set: the force's components, and its moment about a point
         in the deformed state; equal on all ranks."""
 
+    def internal_forces(self, u: Vec, chosen_c: Bool) -> Float:
+        """(n_owned_nodes, 2) forces along x and y with which some cells (n_cells,) of this rank, and those of the
+        others, resist at the nodes of this rank's part of a vector: the gradient of their energies, what is on the
+        sides between cells left out."""
+
+    def external_forces(self, u: Vec) -> Float:
+        """(n_owned_nodes, 2) forces along x and y with which forces and springs act on the same nodes."""
+
     def measures(self, u: Vec, position: Control) -> dict[str, dict[str, float]]:
         """What there is to say about every force and spring at a state and a position on the path, by its name; see
         :mod:`tmc_vem.system.loaded`."""
@@ -236,6 +246,9 @@ class Discretisation(NonlinearSystem, PointSource, Protocol):
         coordinates and 0, or a cell's centroid and 1, 2, ... for its moments."""
 
     # -- cells
+
+    def point_states(self, u: Vec) -> Iterator[PointStates]:
+        """This rank's cells at their quadrature points, some at a time, always in the same order."""
 
     def cell_numbers(self) -> Int:
         """(n_cells,) numbers of the cells in the whole mesh."""

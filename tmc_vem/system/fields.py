@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +52,23 @@ class Polygons:
         """Points of cell ``c``."""
         return self.connectivity[self.offsets[c] : self.offsets[c + 1]]
 
+    @staticmethod
+    def merge(parts: Sequence[Polygons]) -> Polygons:
+        """Cells of several ranks as one; points on borders between ranks stay doubled."""
+        first_point = np.cumsum([0, *(len(part.points_nx) for part in parts)])
+        first_entry = np.cumsum([0, *(len(part.connectivity) for part in parts)])
+        offsets = [part.offsets[:-1] + start for part, start in zip(parts, first_entry, strict=False)]
+        return Polygons(
+            points_nx=np.concatenate([part.points_nx for part in parts]),
+            offsets=np.concatenate([*offsets, first_entry[-1:]]),
+            connectivity=np.concatenate(
+                [part.connectivity + start for part, start in zip(parts, first_point, strict=False)]
+            ),
+            region_c=np.concatenate([part.region_c for part in parts]),
+            region_names=parts[0].region_names,
+            media=parts[0].media,
+        )
+
 
 @dataclass(frozen=True)
 class Fields:
@@ -62,6 +79,7 @@ class Fields:
         displacement_ni: (n_points, 2).
         jacobian_c, min_jacobian_c: (n_cells,) mean and smallest J of each cell.
         energy_density_c: (n_cells,) energy over reference area.
+        cell_fields, point_fields: further values of cells and of points by name, with a second axis for components.
     """
 
     polygons: Polygons
@@ -69,28 +87,25 @@ class Fields:
     jacobian_c: Float
     min_jacobian_c: Float
     energy_density_c: Float
+    cell_fields: Mapping[str, Float] = field(default_factory=dict)
+    point_fields: Mapping[str, Float] = field(default_factory=dict)
 
     @staticmethod
     def merge(parts: Sequence[Fields]) -> Fields:
         """Fields of several ranks as one; points on borders between ranks stay doubled."""
-        first_point = np.cumsum([0, *(len(part.polygons.points_nx) for part in parts)])
-        first_entry = np.cumsum([0, *(len(part.polygons.connectivity) for part in parts)])
-        offsets = [part.polygons.offsets[:-1] + start for part, start in zip(parts, first_entry, strict=False)]
-        polygons = Polygons(
-            points_nx=np.concatenate([part.polygons.points_nx for part in parts]),
-            offsets=np.concatenate([*offsets, first_entry[-1:]]),
-            connectivity=np.concatenate(
-                [part.polygons.connectivity + start for part, start in zip(parts, first_point, strict=False)]
-            ),
-            region_c=np.concatenate([part.polygons.region_c for part in parts]),
-            region_names=parts[0].polygons.region_names,
-            media=parts[0].polygons.media,
-        )
+        polygons = Polygons.merge([part.polygons for part in parts])
         return Fields(
             polygons,
             *(
                 np.concatenate([getattr(part, name) for part in parts])
                 for name in ("displacement_ni", "jacobian_c", "min_jacobian_c", "energy_density_c")
+            ),
+            *(
+                {
+                    name: np.concatenate([getattr(part, group)[name] for part in parts])
+                    for name in getattr(parts[0], group)
+                }
+                for group in ("cell_fields", "point_fields")
             ),
         )
 
@@ -101,13 +116,28 @@ def units_label(unit: str) -> str:
     return key if unit else ""
 
 
-def write_pvtu(path: Path, pieces: Sequence[str], units: Units | None = None) -> None:
-    """Write the file that puts the pieces of several ranks beside it together."""
+def write_pvtu(
+    path: Path,
+    pieces: Sequence[str],
+    units: Units | None = None,
+    of_cells: Mapping[str, str] | None = None,
+    of_points: Mapping[str, str] | None = None,
+) -> None:
+    """Write the file that puts the pieces of several ranks beside it together.
+
+    Args:
+        path: the file.
+        pieces: names of the pieces.
+        units: of the problem.
+        of_cells, of_points: further arrays, the elements that say what they are, without values.
+    """
     unit = {name: units_label(label) for name, label in (units or Units()).of_fields().items()}
     kinds = {"J": "Float64", "min_J": "Float64", "energy_density": "Float64", "region": "Int64", "medium": "UInt8"}
     per_cell = "".join(
         f'      <PDataArray type="{kind}" Name="{name}">{unit[name]}</PDataArray>\n' for name, kind in kinds.items()
     )
+    per_cell += "".join(f"      {element}\n" for element in (of_cells or {}).values())
+    per_point = "".join(f"      {element}\n" for element in (of_points or {}).values())
     sources = "".join(f'    <Piece Source="{name}"/>\n' for name in pieces)
     path.write_text(
         '<?xml version="1.0"?>\n<VTKFile type="PUnstructuredGrid" version="0.1" byte_order="LittleEndian">\n'
@@ -115,7 +145,7 @@ def write_pvtu(path: Path, pieces: Sequence[str], units: Units | None = None) ->
         '    <PPoints>\n      <PDataArray type="Float64" NumberOfComponents="3">'
         f"{unit[COORDINATES]}</PDataArray>\n    </PPoints>\n"
         '    <PPointData>\n      <PDataArray type="Float64" Name="displacement" NumberOfComponents="3">'
-        f"{unit['displacement']}</PDataArray>\n    </PPointData>\n"
+        f"{unit['displacement']}</PDataArray>\n{per_point}    </PPointData>\n"
         f"    <PCellData>\n{per_cell}    </PCellData>\n{sources}"
         "  </PUnstructuredGrid>\n</VTKFile>\n"
     )

@@ -7,7 +7,7 @@ tangent R^T K R: exact, symmetric and without a penalty. What is not a vector of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
@@ -21,10 +21,12 @@ from tmc_vem.system.constrained import Constrained
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.layout import DISPLACEMENT
+from tmc_vem.system.point_states import PointStates
 from tmc_vem.system.turned import Turned
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 
 
 def with_axes(system: Discretisation) -> Discretisation:
@@ -120,6 +122,14 @@ class TurnedSystem:
         """Force and moment (3,) that hold a named point or edge set."""
         self._turn(residual, self._du)
         return self._system.resultant(self._plain(u), self._du, where, about)
+
+    def internal_forces(self, u: Vec, chosen_c: Bool) -> Float:
+        """(n_owned_nodes, 2) forces along x and y with which some cells resist."""
+        return self._system.internal_forces(self._plain(u), chosen_c)
+
+    def point_states(self, u: Vec) -> Iterator[PointStates]:
+        """This rank's cells at their quadrature points."""
+        return self._system.point_states(self._plain(u))
 
     def nodal_values(self, u: Vec) -> Float:
         """Values (n_nodes, 2) of this rank's nodes, ghosts included."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.control import Control
+from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.turned import Turned
 
 Float = NDArray[np.float64]
@@ -23,6 +24,10 @@ class Unloaded:
 
     def add_residual_per_load(self, u: Vec, position: Control, out: Vec) -> None:
         """Nothing here depends on the position on the path."""
+
+    def external_forces(self, u: Vec) -> Float:
+        """Nothing acts on the nodes."""
+        return np.zeros_like(DISPLACEMENT.nodal(u.getArray(readonly=True)))
 
     def measures(self, u: Vec, position: Control) -> dict[str, dict[str, float]]:
         """Nothing: there are no forces."""

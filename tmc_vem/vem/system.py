@@ -25,6 +25,7 @@ from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
+from tmc_vem.system.point_states import PointStates
 from tmc_vem.system.reduction import Shares, at_named_points, reaction, resultant, step_limit
 from tmc_vem.system.sides import Sides
 from tmc_vem.system.unloaded import Unloaded, require_regions
@@ -38,6 +39,7 @@ from tmc_vem.vem.kernel.cells import CellValues
 from tmc_vem.vem.loads import body_load, sides_along
 from tmc_vem.vem.near_null_space import rigid_motions
 from tmc_vem.vem.pattern import parallel_matrix, serial_matrix
+from tmc_vem.vem.point_states import point_states
 from tmc_vem.vem.point_weights import locate
 from tmc_vem.vem.polygons import node_labels, node_points, polygons_through_nodes
 from tmc_vem.vem.spaces.element import element_groups
@@ -45,6 +47,7 @@ from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 T = TypeVar("T")
 Evaluated = tuple[list[CellValues], list[tuple[SideTerms, tuple[Float, Float]]]]  # of blocks, and of sides
 
@@ -234,6 +237,26 @@ class VemSystem(Unloaded):
         nodes = self._named_nodes(where)
         points_nx = node_points(self.distributed, self.dofmap)[nodes[self.dofmap.owned_node_n[nodes] >= 0]]
         return resultant(self.comm, u, residual, self.owned_nodes(where), points_nx, about)
+
+    def internal_forces(self, u: Vec, chosen_c: Bool) -> Float:
+        """(n_owned_nodes, 2) forces with which some cells of all ranks resist at this rank's nodes."""
+        u_nodes = self._local_values(u)
+        total = np.zeros_like(u_nodes)
+
+        def compute() -> None:
+            for block in self.blocks:
+                chosen = np.flatnonzero(chosen_c[block.cells])
+                if len(chosen):
+                    block.kernel.cells(block.batch.take(chosen), u_nodes, block.parameters, total)
+
+        self._together(compute)
+        vector = self.create_vector()
+        self._add(total.ravel(), vector)
+        return DISPLACEMENT.nodal(vector.getArray(readonly=True)).copy()
+
+    def point_states(self, u: Vec) -> Iterator[PointStates]:
+        """This rank's cells at their quadrature points, some at a time."""
+        return point_states(self.blocks, self.distributed.mesh, self._local_values(u).copy())
 
     def owned_nodes(self, where: str) -> Int:
         """Nodes at a named point or edge set that this rank owns, as positions in its part of a vector."""

@@ -1,0 +1,109 @@
+"""A probe as a table of a problem file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from tmc_vem.problems.contact_probe import Contact
+from tmc_vem.problems.probes import Displacement, Gap, MeanJ, Place, Position, Probe, Reaction
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.validation import require_choice
+
+
+@dataclass(frozen=True)
+class ProbeTable:
+    """Something to measure at every load step: one of the first six, and where.
+
+    Attributes:
+        displacement: ``ux`` or ``uy`` of a point.
+        position: ``x`` or ``y`` of a point in the deformed state.
+        gap: distance of two points, each a name or coordinates.
+        reaction: to ``ux`` or ``uy``, where that is prescribed.
+        mean: ``J`` over a region.
+        contact: a quantity of contact: ``force``, ``force_x``, ``force_y`` or ``moment`` of a body or a pair of bodies,
+            or ``gap``, ``pressure_max``, ``pressure_fit``, ``half_width``, ``contact_length``, ``centre_x`` or
+            ``centre_y`` of a pair.
+        at: name or coordinates of a point; for a reaction, name of a point or edges.
+        region: name of a region.
+        of: name of a body, which is that of its region, or of a pair of bodies, as ``block-seal``.
+    """
+
+    displacement: str | None = None
+    position: str | None = None
+    gap: tuple[Place, Place] | None = None
+    reaction: str | None = None
+    mean: str | None = None
+    contact: str | None = None
+    at: Place | None = None
+    region: str | None = None
+    of: str | None = None
+
+    def __post_init__(self) -> None:
+        self.probe()
+
+    def probe(self) -> Probe:
+        """The probe.
+
+        Raises:
+            InputError: there is not exactly one, or it lacks the place or has one of another kind.
+        """
+        given = [name for name in KINDS if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise InputError(f"give one of {', '.join(KINDS)}, not {' and '.join(given) or 'none'}")
+        what, kind = given[0], KINDS[given[0]]
+        for place in PLACES:
+            there = getattr(self, place) is not None
+            if there and place not in (*kind.needs, *kind.takes):
+                raise InputError(f"{what} has no use for '{place}'")
+            if not there and place in kind.needs:
+                raise InputError(f"{what} lacks '{place}'")
+        return kind.make(self)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How a probe is made of a table.
+
+    Attributes:
+        make: makes it.
+        needs: entries that must be there besides the one that names the kind.
+        takes: entries that may be there.
+    """
+
+    make: Callable[[ProbeTable], Probe]
+    needs: tuple[str, ...] = ()
+    takes: tuple[str, ...] = ()
+
+
+def _place(table: ProbeTable) -> Place:
+    assert table.at is not None
+    return table.at
+
+
+def _gap(table: ProbeTable) -> Probe:
+    assert table.gap is not None
+    return Gap(*table.gap)
+
+
+def _mean(table: ProbeTable) -> Probe:
+    require_choice("mean", str(table.mean), ("J",))
+    return MeanJ(str(table.region))
+
+
+def _reaction(table: ProbeTable) -> Probe:
+    if not isinstance(table.at, str):
+        raise InputError("at: a reaction needs the name of a point or of edges")
+    return Reaction(str(table.reaction), table.at)
+
+
+# By the entry that names the kind; what else a table may have says where.
+KINDS: Mapping[str, Kind] = {
+    "displacement": Kind(lambda table: Displacement(str(table.displacement), _place(table)), ("at",)),
+    "position": Kind(lambda table: Position(str(table.position), _place(table)), ("at",)),
+    "gap": Kind(_gap),
+    "reaction": Kind(_reaction, ("at",)),
+    "mean": Kind(_mean, ("region",)),
+    "contact": Kind(lambda table: Contact(str(table.contact), str(table.of)), ("of",)),
+}
+PLACES = tuple(name for name in ProbeTable.__dataclass_fields__ if name not in KINDS)

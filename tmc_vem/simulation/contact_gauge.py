@@ -1,0 +1,137 @@
+"""Reads contact off converged states: what the medium does to the solids, node by node of their surface.
+
+At a node of the surface the solid's cells resist with what acts on them: forces and springs on the node, what holds it
+where it is supported, and the medium. So the medium's force is what the cells of the solids alone resist with, less all
+that is known to act there; whatever the medium is made of, its regulariser and the sides between its cells are in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codegen.integrand import Integrand
+from tmc_vem.problems.contact_probe import OF_BODY, OF_PAIR
+from tmc_vem.results.contact.curves import ContactCurves
+from tmc_vem.results.contact.pairs import is_pair, measure
+from tmc_vem.results.contact.solids import same_points
+from tmc_vem.results.contact.surface import Surface
+from tmc_vem.results.contact.traction import Traction
+from tmc_vem.results.output import polygons_of
+from tmc_vem.results.records import CONTACT, OF
+from tmc_vem.simulation.medium_pressure import MediumPressure
+from tmc_vem.support.distributed import Vec
+from tmc_vem.support.parallel import from_root, on_root
+from tmc_vem.system.discretisation import Discretisation
+from tmc_vem.system.fields import Polygons
+from tmc_vem.system.layout import DISPLACEMENT
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+Contact = dict[str, dict[str, float]]
+
+
+class ContactGauge:
+    """The surface of the solids on rank 0, and which of its nodes each rank has; all ranks make and read it together.
+
+    Args:
+        system: the discretisation.
+        media: energies of the regions that are third medium, by their names.
+        order: polynomial degree along the sides.
+
+    Attributes:
+        is_used: whether any solid is in medium.
+    """
+
+    def __init__(self, system: Discretisation, media: Mapping[str, Integrand], order: int) -> None:
+        self._system, self._medium = system, MediumPressure(system, media)
+        comm = system.comm
+        labels = system.node_labels()
+        on_cells = np.flatnonzero(labels[:, 2] == 0.0)  # the others are moments
+        parts = comm.gather((polygons_of(system, tuple(media)), system.cell_numbers(), labels[on_cells, :2]))
+        self._surface: Surface | None = None
+        nodes, cells = comm.scatter(on_root(comm, lambda: self._find(parts or (), order)) or ())
+        self._nodes = on_cells[nodes]
+        self._chosen_c = np.zeros(len(system.cell_numbers()), dtype=np.bool_)
+        self._chosen_c[cells] = True
+        first = sum(comm.allgather(len(labels))[: comm.rank])
+        self._axes_nij = system.turned().of(first + self._nodes)
+        self.is_used: bool = from_root(comm, lambda: self._surface is not None)
+
+    def traction(self, u: Vec, residual: Vec) -> Traction | None:
+        """What acts on the surface at a state with its residual; on rank 0, None on others and without a surface."""
+        if not self.is_used:
+            return None
+        system, nodes = self._system, self._nodes
+        resisted = system.internal_forces(u, self._chosen_c)[nodes] - system.external_forces(u)[nodes]
+        u_ni = DISPLACEMENT.nodal(u.getArray(readonly=True))[nodes]
+        held_ni = DISPLACEMENT.nodal(system.holding_forces(residual))[nodes]
+        u_ni, held_ni = (np.einsum("nij,nj->ni", self._axes_nij, values) for values in (u_ni, held_ni))
+        parts = system.comm.gather((u_ni, resisted - held_ni))
+        if parts is None or self._surface is None:
+            return None
+        surface = self._surface
+        u_ni, force_ni = (np.concatenate(values)[self._station] for values in zip(*parts, strict=True))
+        return Traction(surface, surface.points_nx + u_ni, surface.share_n[:, None] * force_ni)
+
+    def curves(self, u: Vec, residual: Vec) -> ContactCurves | None:
+        """Everything along the surface at a state with its residual, equal on all ranks; None without a surface."""
+        traction = self.traction(u, residual)
+        if not self.is_used:
+            return None
+        parts = self._system.comm.gather(self._medium.of_cells(u))
+
+        def make() -> ContactCurves:
+            assert traction is not None
+            surface = traction.surface
+            of_side = np.concatenate(parts or [])[surface.medium_s][:, None]
+            weight_sa = surface.length_s[:, None] * surface.trace.mean_a
+            return ContactCurves.of(traction, surface.summed(weight_sa * of_side) / surface.weight_n)
+
+        return from_root(self._system.comm, make)
+
+    def measured(self, traction: Traction | None) -> Contact:
+        """What is reported of a state, by name of body and of pair, equal on all ranks; see
+        :func:`tmc_vem.results.contact.pairs.measure`.
+
+        Args:
+            traction: of :meth:`traction`.
+        """
+        found: Contact = from_root(self._system.comm, lambda: {} if traction is None else measure(traction))
+        return found
+
+    @staticmethod
+    def kinds(contact: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
+        """Kinds of the columns of contact."""
+        return {
+            CONTACT + name + OF + quantity: kind
+            for name, values in contact.items()
+            for quantity, kind in (OF_PAIR if is_pair(values) else OF_BODY).items()
+        }
+
+    def _find(self, parts: Sequence[tuple[Polygons, Int, Float]], order: int) -> list[tuple[Int, Int]]:
+        """Nodes that each rank owns, and solid cells that it has, at the surface; to rank 0, which stations they are.
+
+        Args:
+            parts: of every rank its cells, their numbers in the mesh, and the places (n, 2) of its own nodes.
+            order: polynomial degree along the sides.
+        """
+        polygons = Polygons.merge([part for part, _, _ in parts])
+        points = [places for _, _, places in parts]
+        surface = Surface.of(polygons, np.concatenate([numbers for _, numbers, _ in parts]), order)
+        if not len(surface):
+            return [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)) for _ in parts]
+        self._surface, n = surface, len(surface)
+        places = same_points(np.concatenate([surface.points_nx, polygons.points_nx, *points]))
+        of_station, of_point, of_node = np.split(places, [n, n + len(polygons.points_nx)])
+        at_surface = np.isin(of_point, of_station)[polygons.connectivity]
+        touches = np.logical_or.reduceat(at_surface, polygons.offsets[:-1]) & polygons.is_solid_c
+        owned = np.isin(of_node, of_station)
+        kept = np.flatnonzero(owned)
+        order_of = np.argsort(of_node[kept], kind="stable")
+        self._station = order_of[np.searchsorted(of_node[kept], of_station, sorter=order_of)]
+        nodes = np.split(owned, np.cumsum([len(part) for part in points])[:-1])
+        cells = np.split(touches, np.cumsum([part.n_cells for part, _, _ in parts])[:-1])
+        return [(np.flatnonzero(a), np.flatnonzero(b)) for a, b in zip(nodes, cells, strict=True)]
