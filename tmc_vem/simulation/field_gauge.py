@@ -58,7 +58,7 @@ class Pieces:
 
     def __init__(self, system: Discretisation, starts: Float, ends: Float, cell_p: Int, order: int) -> None:
         t, w = gauss(order + 2)
-        t, w = np.concatenate([[0.0], 0.5 * (t + 1.0), [1.0]]), np.concatenate([[0.0], 0.5 * w, [0.0]])
+        t, w = np.concatenate([[0.0], t, [1.0]]), np.concatenate([[0.0], w, [0.0]])
         length_p = np.hypot(*(ends - starts).T) if len(starts) else np.zeros(0)
         self.point_nx: Float = (starts[:, None] + t[:, None] * (ends - starts)[:, None]).reshape(-1, 2)
         self.weight_n: Float = (length_p[:, None] * w).ravel()
