@@ -8,7 +8,7 @@ smallest and largest values are those at its points and at the ends of the piece
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -172,9 +172,12 @@ class FieldReader:
                 continue
             if (corners.min(axis=0) > np.maximum(start, end) + tolerance).any():
                 continue
-            part = shapely.intersection(line, shapely.buffer(shapely.polygons(corners), tolerance, join_style="mitre"))
-            for piece in shapely.get_parts(part):
-                t = (shapely.get_coordinates(piece) - start) @ along / length2
+            within = [
+                shapely.get_coordinates(piece)
+                for piece in shapely.get_parts(shapely.intersection(line, shapely.polygons(corners)))
+            ]
+            for points in (*within, *_on_line(corners, start, along / np.sqrt(length2), tolerance)):
+                t = np.clip((points - start) @ along / length2, 0.0, 1.0)
                 if len(t) and t.max() - t.min() > SHORT:
                     mine.append((float(t.min()), float(t.max()), int(preferred[cell]), cell))
         comm = self._system.comm
@@ -272,6 +275,14 @@ class FieldReader:
         weight_n = self._system.area_weights((region,))
         moved_ni = along_x_and_y(self._system, u)
         return float(weight_n @ moved_ni[:, DISPLACEMENTS[field]]), float(self._system.cell_areas()[here_c].sum())
+
+
+def _on_line(corners: Float, start: Float, direction: Float, tolerance: float) -> Iterator[Float]:
+    """Sides (2, 2) of a cell that are on a line."""
+    x, y = (corners - start).T
+    on = np.abs(direction[0] * y - direction[1] * x) <= tolerance
+    for side in np.flatnonzero(on & np.roll(on, -1)).tolist():
+        yield corners[[side, (side + 1) % len(corners)]]
 
 
 def make_field_reader(probes: Mapping[str, Any], problem: Problem, system: Discretisation) -> FieldReader:
