@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from helpers_plate import LEFT_AND_BOTTOM, file_of
 
 from tmc_vem import Box, Medium, RunOptions, RunResult, run
-from tmc_vem.cli.main import main
+from tmc_vem.cli.plot import plot
 from tmc_vem.report.field_figure import Shown, component_of_load, field_figure, points_or_cells
 from tmc_vem.results.export import fields_at
 from tmc_vem.results.output import by_region
@@ -22,7 +22,7 @@ from tmc_vem.system.tensors import values_of
 
 BOX = Box(cells=(20, 5), uy=-0.05, medium=Medium(gamma=1e-4))
 FIELDS = "cauchy_stress, von_mises,principal_stretch_1"
-ENERGY = """from tmc_vem import energy
+ENERGY = """from codegen import energy
 
 @energy(parameters={"mu": 10.0})
 def flat(F, G, p, m):
@@ -122,7 +122,7 @@ def test_the_component_of_the_load_is_shown() -> None:
 
 def test_plot_draws_a_field_or_says_what_there_is(written: RunResult, tmp_path: Path) -> None:
     directory = str(written.directory)
-    done = CliRunner().invoke(main, ["plot", directory, "--field", "in_plane_stress_2", "--out", str(tmp_path)])
+    done = CliRunner().invoke(plot, [directory, "--field", "in_plane_stress_2", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
     assert (tmp_path / "figures" / "field-in_plane_stress_2.png").exists()
     for arguments, words in (
@@ -133,7 +133,7 @@ def test_plot_draws_a_field_or_says_what_there_is(written: RunResult, tmp_path: 
         (["--field", "mises"], "unknown field 'mises': the files hold ux, uy"),
         (["--range", "1", "0"], "range = 1 0: give the smaller number first"),
     ):
-        refused = CliRunner().invoke(main, ["plot", directory, *arguments, "--out", str(tmp_path)])
+        refused = CliRunner().invoke(plot, [directory, *arguments, "--out", str(tmp_path)])
         assert refused.exit_code != 0
         assert re.search(words, str(refused.exception or refused.output))
 

@@ -143,11 +143,7 @@ def _draw(
     axes.add_collection(PolyCollection(pale, facecolors="0.96", edgecolors="0.85", linewidths=0.2, rasterized=True))
     chosen = np.flatnonzero(coloured)
     if at_cells is not None:
-        style: dict[str, Any] = {
-            "array": np.ma.masked_array(at_cells[chosen], ~np.isfinite(at_cells[chosen])),
-            "cmap": _colours(),
-            "norm": scale,
-        }
+        style: dict[str, Any] = {"array": at_cells[chosen], "cmap": _colours(), "norm": scale}
         axes.add_collection(PolyCollection([loops[c] for c in chosen], edgecolors="face", linewidths=0.2, **style))
     else:
         _shade(axes, fields, points, np.asarray(at_points), coloured, scale)
