@@ -35,7 +35,7 @@ up = { rectangle = [0, 0.8, 1, 1.2] }
 [regions]
 low = { shape = "low", solid = { E = 20, nu = 0 } }
 up = { shape = "up", solid = { E = 20, nu = 0 } }
-medium = { shape = "mid", medium = { energy = "isochoric", mu = 10, gamma = 1e-3, alpha_r = 0.1 } }
+medium = { shape = "mid", medium = { energy = "isochoric", mu = 10, gamma = 1e-2, alpha_r = 0.1 } }
 [mesh]
 cells = "triangles"
 size = 0.2
@@ -55,8 +55,9 @@ at = "bottom"
 uy = 0
 [load]
 at = "top"
-uy = -0.4
+uy = -0.5
 [solve]
+steps = 5
 snapshots = 0
 """
 
@@ -92,8 +93,8 @@ class Solved:
         return np.array([found["force_x"], found["force_y"], found["moment"]])
 
     def imbalance(self) -> dict[str, float]:
-        """Largest component of loads + supports + contact of each body, with its moment, over what the largest force is;
-        loads and supports are taken from all nodes of a body."""
+        """Largest component of loads + supports + contact of each body, with its moment, over the largest force; loads
+        and supports are taken from all nodes of a body."""
         system, traction = self.simulation.system, self.traction
         polygons = polygons_of(system, media_of(self.simulation.problem))
         labels = system.node_labels()

@@ -22,8 +22,10 @@ def test_weights_count() -> None:
     wrong = HERTZ.copy()
     wrong[4] *= 1.1
     one, other = (Bump.fit(X, wrong, np.where(np.arange(12) == 4, w, 1.0), 0.0, 9.0) for w in (1e-9, 1.0))
-    assert one is not None and other is not None
-    assert one.half_width == pytest.approx(1.2, rel=1e-6) and abs(other.half_width - 1.2) > 1e-3
+    assert one is not None
+    assert other is not None
+    assert one.half_width == pytest.approx(1.2, rel=1e-6)
+    assert abs(other.half_width - 1.2) > 1e-3
 
 
 def test_what_is_no_round_contact_has_no_half_width() -> None:

@@ -17,8 +17,12 @@ from tmc_vem.results.contact.traction import Traction
 from tmc_vem.system.fields import Polygons
 
 Float = NDArray[np.float64]
-# 4 x 3 squares: a body below over the whole width, one in the air at the upper left that is all in medium but for the top
-REGIONS = [Rectangle("m", 0.0, 4.0, 0.0, 3.0), Rectangle("low", 0.0, 4.0, 0.0, 1.0), Rectangle("up", 1.0, 2.0, 2.0, 3.0)]
+# 4 x 3 squares: a body below over the whole width, one above it that is in medium but for its top
+REGIONS = [
+    Rectangle("m", 0.0, 4.0, 0.0, 3.0),
+    Rectangle("low", 0.0, 4.0, 0.0, 1.0),
+    Rectangle("up", 1.0, 2.0, 2.0, 3.0),
+]
 
 
 def squares() -> PolygonMesh:
@@ -68,7 +72,8 @@ def test_lines_have_the_solid_on_their_left(order: int) -> None:
     found = surface(order)
     assert (found.bodies, found.body_l.tolist(), found.closed_l.tolist()) == (("low", "up"), [0, 1], [False, False])
     lower, upper = (found.points_nx[found.line_n == line] for line in (0, 1))
-    assert len(lower) == 4 * order + 1 and len(upper) == 3 * order + 1
+    assert len(lower) == 4 * order + 1
+    assert len(upper) == 3 * order + 1
     assert lower[[0, -1]].tolist() == [[4.0, 1.0], [0.0, 1.0]]
     assert upper[[0, order, 2 * order, -1]].tolist() == [[1.0, 3.0], [1.0, 2.0], [2.0, 2.0], [2.0, 3.0]]
     assert found.weight_n.sum() == pytest.approx(7.0, rel=1e-14)
@@ -109,13 +114,14 @@ def test_lines_that_meet_share_the_forces_of_their_node() -> None:
     found = Surface.of(polygons(mesh, 2), np.arange(9), 2)
     assert found.bodies == ("s",)
     at = np.flatnonzero((found.points_nx == (2.0, 1.0)).all(axis=1))
-    assert len(at) == 2 and found.place_n[at[0]] == found.place_n[at[1]]
+    assert len(at) == 2
+    assert found.place_n[at[0]] == found.place_n[at[1]]
     assert found.share_n[at].sum() == pytest.approx(1.0)
     assert found.share_n[at] == pytest.approx(found.weight_n[at] / found.weight_n[at].sum())
 
 
 def test_true_tractions_of_a_stretched_and_turned_surface() -> None:
-    """x = Q diag(2, 3) X and the force of a pressure: pressure over the deformed length, no shear, whatever the axes."""
+    """x = Q diag(2, 3) X and forces of a pressure and a shear over the deformed length, whatever the axes."""
     found = surface(2)
     c, s = math.cos(0.5), math.sin(0.5)
     turn = np.array([[c, -s], [s, c]])
@@ -162,10 +168,12 @@ def test_stations_face_the_nearest_side_ahead_that_looks_back() -> None:
     assert seen.gap_n[below] == pytest.approx([1.0])
     assert x[seen.station_n[below]].tolist() == [[1.5, 1.0]]
     under = (found.line_n == 0) & (x[:, 0] == 1.5)
-    assert x[seen.station_n[under]].tolist() == [[1.5, 2.0]] and seen.gap_n[under] == pytest.approx([1.0])
+    assert x[seen.station_n[under]].tolist() == [[1.5, 2.0]]
+    assert seen.gap_n[under] == pytest.approx([1.0])
     # straight up from there, and sideways, is nothing
     away = ((found.line_n == 0) & (x[:, 0] == 4.0)) | ((found.line_n == 1) & (x[:, 1] > 2.0))
-    assert (seen.station_n[away] == -1).all() and np.isnan(seen.gap_n[away]).all()
+    assert (seen.station_n[away] == -1).all()
+    assert np.isnan(seen.gap_n[away]).all()
     # a gap that is small against the sides is seen from everywhere, also slightly from the side
     closed = x.copy()
     closed[found.line_n == 1, 1] -= 0.97
