@@ -28,7 +28,7 @@ from tmc_vem.solve.newton import Iteration, NewtonResult
 from tmc_vem.solve.stepping import Step, StepperState
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.petsc import PETSc
-from tmc_vem.support.units import Units
+from tmc_vem.support.units import FORCE, Units
 from tmc_vem.system.constraints import Prescribed, PrescribedRotation
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Evaluation, RegionValues
@@ -109,13 +109,19 @@ def test_what_is_recorded_of_a_step() -> None:
         True, "", Evaluation(1.0, {"s": RegionValues(3.0, 0.5), "m": RegionValues(4.0, 0.25)}),
         (Iteration(1.0, 1.0, 1.0),) * 3, 2, residual,  # type: ignore[arg-type]
     )  # fmt: skip
-    gauge = SimpleNamespace(read=lambda *given: said.append(("read", *given[:2], given[2](1, 2))) or {"gap": 0.125})
+    gauge = SimpleNamespace(
+        read=lambda *given: said.append(("read", *given[:2], given[2](1, 2), given[3])) or {"gap": 0.125}
+    )
     watch = SimpleNamespace(behind=lambda *given: given)
+    traction, found = object(), {"s": {"force": 4.0}}
+    contact = SimpleNamespace(
+        traction=lambda *given: said.append(("traction", *given)) or traction, measured={traction: found}.__getitem__
+    )
     snapshots = SimpleNamespace(directory=Path("a"), offer=lambda *given: said.append(("offer", *given)))
     timer: Any = lambda phase: _Nothing()  # noqa: E731
     timer.report = lambda: {"total": 1.5}
     made = recorder(
-        loads=loads, _read=None, gauge=gauge, watch=watch,
+        loads=loads, _read=None, gauge=gauge, watch=watch, contact=contact,
         timer=timer, directory=None, history=[], _plain_history=[], _snapshots=snapshots, _every=2,
         _seconds_before=10.0, monitor=SimpleNamespace(stepped=lambda record: said.append("stepped")),
         _write_checkpoint=lambda *given: said.append(("checkpoint", *given)), _load_force=lambda *given: 16.0,
@@ -128,13 +134,13 @@ def test_what_is_recorded_of_a_step() -> None:
         step=5, load=0.5, displacement=-0.25, probes={"gap": 0.125}, reaction=-7.0, iterations=3, cut_backs=1,
         wasted_iterations=9, min_j={"s": 0.5, "m": 0.25}, energy={"s": 3.0, "m": 4.0}, negative_pivots=2, jumped=True,
         seconds=11.5, time=0.75, parameters={"gamma": 1e-3}, load_force=16.0,
-        load_work=2.5, forces={"a": {"work": 3.0}},
+        load_work=2.5, forces={"a": {"work": 3.0}}, contact=found,
     )  # fmt: skip
     assert made._plain_history[1]["step"] == 6
-    probes = ("read", u, residual, (u, 1, 2))
+    probes, acting = ("read", u, residual, (u, 1, 2), found), ("traction", u, residual)
     first, second = (("loads", u, residual, Control(0.5, {"gamma": 1e-3}), before) for before in (None, reading))
     assert said == [
-        first, probes, ("offer", 5, 0.75, u), "stepped", second, probes, ("offer", 6, 0.75, u),
+        acting, first, probes, ("offer", 5, 0.75, u), "stepped", acting, second, probes, ("offer", 6, 0.75, u),
         ("checkpoint", states, position), "stepped",
     ]  # fmt: skip
 
@@ -157,13 +163,14 @@ def test_units_and_title_of_a_record() -> None:
         prescribed=lambda: [PrescribedRotation("a", (0.0, 0.0), 9.0, name="t")],
     )  # fmt: skip
     probes = {"gap": Gap("a", "b"), "push": Reaction("ux", "a"), "j": MeanJ("m")}
-    made = recorder(problem=problem, gauge=SimpleNamespace(probes=probes), history=[])
+    contact = SimpleNamespace(kinds=lambda contact: {"contact.s.force": FORCE} if contact else {})
+    made = recorder(problem=problem, gauge=SimpleNamespace(probes=probes), history=[], contact=contact)
     assert made._units() == {
         "displacement": "mm", "gap": "mm", "push": "N/mm", "j": "1", "reaction": "N/mm", "min_j_s": "1", "min_j_m": "1",
         "energy_s": "N", "energy_m": "N", "t.angle": "degrees", "t.moment": "N", "t.work": "N",
     }  # fmt: skip
-    row: Any = SimpleNamespace(as_row=lambda: {"load": 1, "gap": 2, "load_force": 3})
-    assert made._units(row) == made._headings(row) == {"gap": "mm", "load_force": "N"}
+    row: Any = SimpleNamespace(as_row=lambda: {"load": 1, "gap": 2, "load_force": 3, "contact.s.force": 4}, contact="s")
+    assert made._units(row) == made._headings(row) == {"gap": "mm", "load_force": "N", "contact.s.force": "N/mm"}
     problem.units = Units
     assert made._headings(row) == {}
     assert made._title() == "mine, undeformed"

@@ -129,10 +129,12 @@ def test_the_result_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
         _imbalance=lambda r, forces: 0.125,
         _between_the_points=lambda u: {"inverted_cells": {"m": 2}, "dense_min_j": {"m": -1.0}},
         _units=lambda record: {"of": record.step},
+        contact=SimpleNamespace(traction=lambda *given: said.append(("traction", *given))),
     )  # fmt: skip
     outcome = SteppingResult(0.5, False, "why", 7, 11, None, 13, "PORD")
     found = rec.finish(outcome, "u", "direct", cut_short=True)
-    assert said == [(2, 0.75, "u"), ("residual", "u", "r")]
+    assert said == [("residual", "u", "r"), ("traction", "u", "r"), (2, 0.75, "u")]
+    assert found.curves is None
     assert found.checks == {
         "imbalance": 0.125, "regulariser_energy": 9.0, "inverted_cells": {"m": 2}, "dense_min_j": {"m": -1.0},
         "inverted_from": 0.25, "energy_balance": {"lost": 1.0},

@@ -175,7 +175,7 @@ def test_a_run_goes_on_with_all_that_its_checkpoint_has(tmp_path: Path, monkeypa
         _on_root=True, _snapshots=SimpleNamespace(restore=lambda given: said.append(("snapshots", given))),
         _headings=lambda record: {"of": record.step},
         system=SimpleNamespace(remember=lambda stage, kept: said.append(("stage", stage, [k.tolist() for k in kept]))),
-        _read_again=lambda u: said.append(("read", u.getArray().tolist())),
+        _read_again=lambda u: said.append(("read", u.getArray().tolist())), contact=SimpleNamespace(is_used=False),
     )  # fmt: skip
     u = at(0.0, 0.0)
     states, position = made.restore(u)

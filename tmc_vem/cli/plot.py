@@ -25,15 +25,22 @@ RUN = click.argument("run_dir", type=click.Path(path_type=Path))
     "strain (run --fields), as von_mises or cauchy_stress_xy. Default: von_mises; with an option below, the load's "
     "displacement component.",
 )
-@click.option("--at", "load", type=float, metavar="LOAD", help="State in it, by load factor. Default: the last one.")
+@click.option(
+    "--at",
+    "load",
+    type=float,
+    metavar="LOAD",
+    help="State in it, and of --contact, by load factor. Default: the last one.",
+)
 @click.option("--with-medium", is_flag=True, help="Colour the third medium in it as well; else solids only.")
 @click.option(
     "--range", "span", type=(float, float), metavar="LOW HIGH", help="Ends of its colours. Default: of all shown."
 )
 @click.option("--states", "n_states", type=click.IntRange(1, 16), default=4, show_default=True, help="States shown.")
+@click.option("--contact", is_flag=True, help="Contact alone: tractions on the solids, pressure along their outlines.")
 def plot(
     run_dir: Path, out: Path | None, quantity: str, field: str | None, load: float | None, with_medium: bool,
-    span: tuple[float, float] | None, n_states: int,
+    span: tuple[float, float] | None, n_states: int, contact: bool,
 ) -> None:  # fmt: skip
     """Draw curves and deformed states of a run as SVG and PNG, and a page with all of them. Examples:
 
@@ -42,19 +49,22 @@ def plot(
       tmc-vem plot runs/box --field von_mises
       tmc-vem plot runs/box --field principal_stress_1 --at 0.5 --range -2 2
       tmc-vem plot runs/box --field cauchy_stress_yy --with-medium
+      tmc-vem plot runs/box --contact --at 0.5
     """
     import math
 
     from tmc_vem.report.field_figure import Shown
-    from tmc_vem.report.run_page import run_page
+    from tmc_vem.report.run_page import contact_page, run_page
     from tmc_vem.report.write import write_page
     from tmc_vem.results.run_result import RunResult
 
     result = RunResult.read(run_dir)
     shown = Shown(field, math.inf if load is None else load, with_medium, span)
-    page = run_page(result, quantity=quantity, n_states=n_states, shown=shown)
+    page = (
+        contact_page(result, load) if contact else run_page(result, quantity=quantity, n_states=n_states, shown=shown)
+    )
     try:
-        report = write_page(page, out or run_dir / "plots", "run")
+        report = write_page(page, out or run_dir / "plots", "contact" if contact else "run")
     except OSError as error:
         where = error.filename or out or run_dir
         raise InputError(f"{where} cannot be written: {error.strerror or error}; --out names another place") from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from tmc_vem.problems.contact_probe import Contact
 from tmc_vem.problems.field_probes import (
     INTEGRAL,
     LARGEST,
@@ -23,7 +24,7 @@ from tmc_vem.support.validation import require_choice
 
 @dataclass(frozen=True)
 class ProbeTable:
-    """Something to measure at every load step: one of the first eleven, and where.
+    """Something to measure at every load step: one of the first twelve, and where.
 
     Attributes:
         displacement: ``ux`` or ``uy`` of a point.
@@ -34,10 +35,14 @@ class ProbeTable:
         smallest, largest, mean, integral: of a field over a region, along edges or a line.
         energy: ``"stored"``, that of a region.
         cut_force: ``x``, ``y``, ``normal``, ``shear`` or ``moment``: what solids transfer through a line, on its left.
+        contact: a quantity of contact: ``force``, ``force_x``, ``force_y`` or ``moment`` of a body or a pair of bodies,
+            or ``gap``, ``pressure_max``, ``pressure_fit``, ``half_width``, ``contact_length``, ``centre_x`` or
+            ``centre_y`` of a pair.
         at: name or coordinates of a point; for a reaction, name of a point or edges.
         region: name of a region; of values at points and along lines, whose they are where regions meet.
         edges: name of edges.
         line: both ends of a straight line.
+        of: name of a body, which is that of its region, or of a pair of bodies, as ``block-seal``.
     """
 
     displacement: str | None = None
@@ -51,10 +56,12 @@ class ProbeTable:
     integral: str | None = None
     energy: str | None = None
     cut_force: str | None = None
+    contact: str | None = None
     at: Place | None = None
     region: str | None = None
     edges: str | None = None
     line: Line | None = None
+    of: str | None = None
 
     def __post_init__(self) -> None:
         self.probe()
@@ -139,5 +146,6 @@ KINDS: Mapping[str, Kind] = {
     **{what: Kind(_over(what), (), ("region", "edges", "line")) for what in (SMALLEST, LARGEST, MEAN, INTEGRAL)},
     "energy": Kind(_energy, ("region",)),
     "cut_force": Kind(_cut, ("line",), ("region",)),
+    "contact": Kind(lambda table: Contact(str(table.contact), str(table.of)), ("of",)),
 }
 PLACES = tuple(name for name in ProbeTable.__dataclass_fields__ if name not in KINDS)

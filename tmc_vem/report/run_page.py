@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from tmc_vem.report import cautions, plots, tables
+from tmc_vem.report.contact_figure import contact_of
+from tmc_vem.report.contact_tables import contact_tables
 from tmc_vem.report.field_figure import Shown, field_figure
 from tmc_vem.report.page import Block, Page, Section, Table, Text, picture
 from tmc_vem.report.panels import draw_panels
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import nearest, read_fields, record_of, snapshots
 from tmc_vem.support.errors import InputError
+
+NOTHING = Text("No pressure acts on any solid.")
 
 
 def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4, shown: Shown | None = None) -> Page:
@@ -40,6 +44,7 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4, show
                 [tables.final_state(runs), *tables.measured(runs), *tables.energy_in_jumps(runs), warnings],
             ),
             *([Section("Deformed states", [_states(result, quantity, n_states)])] if result.history else []),
+            *_contact(result),
             *([Section("Field", [_field(result, shown)])] if result.history else []),
             *([Section("Curves", _curves(runs))] if result.history else []),
             Section("Solution", [tables.effort(runs), Table("Contact.", ("run", "deformed solids"), contact)]),
@@ -61,6 +66,33 @@ def _states(result: RunResult, quantity: str, n_states: int) -> Block:
     except InputError as error:
         return Text(str(error))
     return picture(draw_panels(panels, quantity=quantity), "states", "Deformed states.", inline="png")
+
+
+def contact_page(result: RunResult, load: float | None = None) -> Page:
+    """Contact of a run alone.
+
+    Args:
+        result: the run.
+        load: factor, or coordinate on the load path, of the snapshot; None for the last state.
+
+    Raises:
+        InputError: the run has no tractions.
+    """
+    name = f"{result.inputs.get('problem', 'run')} {str(result.inputs.get('method', '')).upper()}".rstrip()
+    pictures = contact_of(result, load)
+    blocks: list[Block] = list(pictures) if pictures else [NOTHING]
+    if load is None:
+        blocks += contact_tables(result)
+    return Page(f"Contact of {name}", f"{tables.reached(result)}.", [Section("Contact", blocks)])
+
+
+def _contact(result: RunResult) -> list[Section]:
+    """Tractions at the end, where the run has them."""
+    try:
+        pictures = contact_of(result)
+    except InputError:
+        return []
+    return [Section("Contact", [*pictures, *contact_tables(result)])]
 
 
 def _field(result: RunResult, shown: Shown | None) -> Block:

@@ -137,11 +137,11 @@ def measured(runs: Runs) -> list[Table]:
     rows: list[list[str | Entry]] = [
         [with_unit(name, runs, name), *(number(run.reported.get(name)) for run in runs.values())] for name in names
     ]
-    loads = any(run.loads for run in runs.values())
-    what = "Probes and loads" if loads else "Probes"
-    return (
-        [Table(f"{what} at the last converged step.", ("quantity" if loads else "probe", *runs), rows)] if rows else []
-    )
+    more = [what for what, there in (("loads", [run.loads for run in runs.values()]),
+                                     ("contact", [run.contact for run in runs.values()])) if any(there)]  # fmt: skip
+    what = ", ".join(["Probes", *more[:-1]]) + (f" and {more[-1]}" if more else "")
+    head = ("quantity" if more else "probe", *runs)
+    return [Table(f"{what} at the last converged step.", head, rows)] if rows else []
 
 
 def energy_in_jumps(runs: Runs) -> list[Table]:

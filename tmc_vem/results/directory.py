@@ -15,6 +15,9 @@ from typing import Any
 from tmc_vem.results.lock import LOCK, DirectoryLock
 from tmc_vem.results.records import (
     COLLECTION,
+    CONTACT_FOLDER,
+    CONTACT_LINES,
+    CONTACT_TABLE,
     FIELDS,
     HISTORY,
     MARKS,
@@ -31,8 +34,8 @@ from tmc_vem.results.unfinished import BEFORE, BEGUN, CHECKPOINT, COMMAND, proce
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.files import remove_unfinished, write_atomically
 
-_OWN = (RESULT, HISTORY, FIELDS, COLLECTION, f"{TRIANGULATED}.pvd", PICTURE, COMMAND, PROBLEM, BEGUN, CHECKPOINT,
-        BEFORE)  # fmt: skip
+_OWN = (RESULT, HISTORY, FIELDS, COLLECTION, f"{TRIANGULATED}.pvd", CONTACT_TABLE, CONTACT_FOLDER, CONTACT_LINES,
+        PICTURE, COMMAND, PROBLEM, BEGUN, CHECKPOINT, BEFORE)  # fmt: skip
 
 
 class RunDirectory:

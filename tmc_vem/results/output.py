@@ -118,15 +118,14 @@ class SnapshotWriter:
         pieces = [piece for file in files if file.suffix == ".pvtu" for piece in file.parent.glob(f"{file.stem}_*.vtu")]
         return all(file.is_file() and file.stat().st_size > 0 for file in (*files, *pieces))
 
-    def offer(self, step: int, load: float, u: Vec) -> None:
-        """Write this step if one of the selected loads has been reached; called on all ranks."""
-        if self._pending and load >= self._pending[0] - 1e-9:
-            self.write(step, load, u)
+    def offer(self, step: int, load: float, u: Vec) -> bool:
+        """Write this step if one of the selected loads has been reached; whether it was. Called on all ranks."""
+        return bool(self._pending) and load >= self._pending[0] - 1e-9 and self.write(step, load, u)
 
-    def write(self, step: int, load: float, u: Vec) -> None:
-        """Write this step unless it is there already; called on all ranks."""
+    def write(self, step: int, load: float, u: Vec) -> bool:
+        """Write this step unless it is there already; whether it was written. Called on all ranks."""
         if self.entries and load <= self.entries[-1][0]:
-            return
+            return False
         self._pending = [wanted for wanted in self._pending if wanted > load + 1e-9]
         comm = self._system.comm
         fields = self._fields(u)
@@ -141,6 +140,7 @@ class SnapshotWriter:
             cut = Fields(self._parts.polygons, moved, jacobian_c, min_jacobian_c, density_c, cell_fields=more)
             self._write_pieces(f"{TRIANGULATED}_{step:05d}", self._part_writer, cut)
         on_root(comm, self._collect)
+        return True
 
     def _fields(self, u: Vec) -> Fields:
         """What is written of a state."""

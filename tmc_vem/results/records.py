@@ -12,8 +12,9 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Protocol
 
+from tmc_vem.problems.contact_probe import OF_BODY, OF_PAIR
 from tmc_vem.problems.probes import GAP, RESERVED, RESERVED_STARTS
-from tmc_vem.results.contact.pairs import OF_BODY, OF_PAIR, is_pair, shown
+from tmc_vem.results.contact.pairs import is_pair, shown
 from tmc_vem.results.unfinished import BEGUN, CHECKPOINT, COMMAND
 
 # Schema of run directories that is written, and the oldest that is read. A new entry with a default in ``read`` or
@@ -21,6 +22,8 @@ from tmc_vem.results.unfinished import BEGUN, CHECKPOINT, COMMAND
 SCHEMA, OLDEST = 1, 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
 PROBLEM = "problem.toml"  # of a run whose problem came from tables
+# tractions: the table of the last step, and of all snapshots the folder and the collection of their lines
+CONTACT_TABLE, CONTACT_FOLDER, CONTACT_LINES = "contact.csv", "contact", "contact.pvd"
 TRIANGULATED = "triangulated"  # fields cut into triangles: the collection, and what their files begin with
 # groups of values in a record, and what their columns begin with
 _GROUPS = {"min_j": "min_j_", "energy": "energy_", "parameters": "parameter_"}

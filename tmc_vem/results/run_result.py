@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tmc_vem.results.contact.curves import ContactCurves
 from tmc_vem.results.records import HISTORY, OLDEST, RESULT, SCHEMA, StepRecord, finite, heading
 from tmc_vem.results.unfinished import unfinished
 from tmc_vem.support.errors import InputError
@@ -40,6 +41,7 @@ class RunResult:
         media: names of the regions that are third medium.
         history: the load steps.
         directory: where the run was written, or None.
+        curves: tractions of the last step, if any solid is in medium; :meth:`traction` reads them from directories too.
         cut_short: a limit on work has ended the run, so that it can be resumed.
         unfinished: 'running', 'interrupted' or 'unknown' for a run that has no result yet, or never will. Its sizes are
             0 where they are not known.
@@ -66,6 +68,7 @@ class RunResult:
     cut_short: bool = False
     unfinished: str = ""
     media: Sequence[str] = ()
+    curves: ContactCurves | None = field(default=None, repr=False, compare=False)
 
     @property
     def state(self) -> str:
@@ -122,6 +125,17 @@ class RunResult:
     def steps(self) -> int:
         """Converged load steps."""
         return len(self.history)
+
+    def traction(self, load: float | None = None) -> ContactCurves:
+        """What the medium does to the solids along their outlines, as arrays: of the last step, or of the written step
+        nearest to a load factor; see :class:`tmc_vem.results.contact.curves.ContactCurves`.
+
+        Raises:
+            InputError: there is none: no solid is in medium, or the step was not written.
+        """
+        from tmc_vem.results.contact_files import curves_at
+
+        return self.curves if load is None and self.curves is not None else curves_at(self, load)
 
     def to_pandas(self) -> Any:
         """Load steps as a pandas data frame, see :func:`tmc_vem.results.export.to_pandas`."""

@@ -12,15 +12,18 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.results.contact.pairs import OF_BODY, OF_PAIR, is_pair, measure
+from codegen.integrand import Integrand
+from tmc_vem.problems.contact_probe import OF_BODY, OF_PAIR
+from tmc_vem.results.contact.curves import ContactCurves
+from tmc_vem.results.contact.pairs import is_pair, measure
 from tmc_vem.results.contact.solids import same_points
 from tmc_vem.results.contact.surface import Surface
 from tmc_vem.results.contact.traction import Traction
 from tmc_vem.results.output import polygons_of
 from tmc_vem.results.records import CONTACT, OF
+from tmc_vem.simulation.medium_pressure import MediumPressure
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.parallel import from_root, on_root
-from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
@@ -35,16 +38,19 @@ class ContactGauge:
 
     Args:
         system: the discretisation.
-        media: names of the regions that are third medium.
+        media: energies of the regions that are third medium, by their names.
         order: polynomial degree along the sides.
+
+    Attributes:
+        is_used: whether any solid is in medium.
     """
 
-    def __init__(self, system: Discretisation, media: Sequence[str], order: int) -> None:
-        self._system = system
+    def __init__(self, system: Discretisation, media: Mapping[str, Integrand], order: int) -> None:
+        self._system, self._medium = system, MediumPressure(system, media)
         comm = system.comm
         labels = system.node_labels()
         on_cells = np.flatnonzero(labels[:, 2] == 0.0)  # the others are moments
-        parts = comm.gather((polygons_of(system, media), system.cell_numbers(), labels[on_cells, :2]))
+        parts = comm.gather((polygons_of(system, tuple(media)), system.cell_numbers(), labels[on_cells, :2]))
         self._surface: Surface | None = None
         nodes, cells = comm.scatter(on_root(comm, lambda: self._find(parts or (), order)) or ())
         self._nodes = on_cells[nodes]
@@ -52,15 +58,14 @@ class ContactGauge:
         self._chosen_c[cells] = True
         first = sum(comm.allgather(len(labels))[: comm.rank])
         self._axes_nij = system.turned().of(first + self._nodes)
-        self._is_used: bool = from_root(comm, lambda: self._surface is not None)
+        self.is_used: bool = from_root(comm, lambda: self._surface is not None)
 
-    def traction(self, u: Vec, residual: Vec, position: Control) -> Traction | None:
-        """What acts on the surface at a state with its residual and its position on the path; on rank 0, None on the
-        others and without a surface."""
-        if not self._is_used:
+    def traction(self, u: Vec, residual: Vec) -> Traction | None:
+        """What acts on the surface at a state with its residual; on rank 0, None on others and without a surface."""
+        if not self.is_used:
             return None
         system, nodes = self._system, self._nodes
-        resisted = system.internal_forces(u, self._chosen_c)[nodes] - system.external_forces(u, position)[nodes]
+        resisted = system.internal_forces(u, self._chosen_c)[nodes] - system.external_forces(u)[nodes]
         u_ni = DISPLACEMENT.nodal(u.getArray(readonly=True))[nodes]
         held_ni = DISPLACEMENT.nodal(system.holding_forces(residual))[nodes]
         u_ni, held_ni = (np.einsum("nij,nj->ni", self._axes_nij, values) for values in (u_ni, held_ni))
@@ -71,11 +76,30 @@ class ContactGauge:
         u_ni, force_ni = (np.concatenate(values)[self._station] for values in zip(*parts, strict=True))
         return Traction(surface, surface.points_nx + u_ni, surface.share_n[:, None] * force_ni)
 
-    def read(self, u: Vec, residual: Vec, position: Control) -> Contact:
+    def curves(self, u: Vec, residual: Vec) -> ContactCurves | None:
+        """Everything along the surface at a state with its residual, equal on all ranks; None without a surface."""
+        traction = self.traction(u, residual)
+        if not self.is_used:
+            return None
+        parts = self._system.comm.gather(self._medium.of_cells(u))
+
+        def make() -> ContactCurves:
+            assert traction is not None
+            surface = traction.surface
+            of_side = np.concatenate(parts or [])[surface.medium_s][:, None]
+            weight_sa = surface.length_s[:, None] * surface.trace.mean_a
+            return ContactCurves.of(traction, surface.summed(weight_sa * of_side) / surface.weight_n)
+
+        return from_root(self._system.comm, make)
+
+    def measured(self, traction: Traction | None) -> Contact:
         """What is reported of a state, by name of body and of pair, equal on all ranks; see
-        :func:`tmc_vem.results.contact.pairs.measure`."""
-        traction = self.traction(u, residual, position)
-        found: Contact = from_root(self._system.comm, lambda: measure(traction) if traction is not None else {})
+        :func:`tmc_vem.results.contact.pairs.measure`.
+
+        Args:
+            traction: of :meth:`traction`.
+        """
+        found: Contact = from_root(self._system.comm, lambda: {} if traction is None else measure(traction))
         return found
 
     @staticmethod

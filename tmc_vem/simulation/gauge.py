@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem
+from tmc_vem.problems.contact_probe import Contact
 from tmc_vem.problems.field_probes import CutForce, EnergyOf, FieldProbe
 from tmc_vem.problems.probes import AXES, Displacement, Gap, MeanJ, Place, Position, Reaction, check_probes
+from tmc_vem.simulation.contact_probe import contact_reader
 from tmc_vem.simulation.cut_gauge import make_cut_reader, make_energy_reader
 from tmc_vem.simulation.field_gauge import make_field_reader
 from tmc_vem.simulation.reading import Behind, MakeReader, Reader, State
@@ -26,6 +28,7 @@ READERS: Mapping[type, MakeReader] = {
     FieldProbe: make_field_reader,
     EnergyOf: make_energy_reader,
     CutForce: make_cut_reader,
+    Contact: contact_reader,
 }
 
 
@@ -66,13 +69,20 @@ class Gauge:
             if some:
                 self._readers.append(make(some, problem, system))
 
-    def read(self, u: Vec, residual: Vec, behind: Behind | None = None) -> dict[str, float]:
+    def read(
+        self,
+        u: Vec,
+        residual: Vec,
+        behind: Behind | None = None,
+        contact: Mapping[str, Mapping[str, float]] | None = None,
+    ) -> dict[str, float]:
         """Values of the probes at a state with its residual, equal on all ranks.
 
         Args:
             u: displacements.
             residual: full gradient of the potential at ``u``.
             behind: tells whether the second of two points is behind the surface of the first, where surfaces cross.
+            contact: what is reported of contact, by name of body or pair.
         """
         moved: dict[Place, Float] = {}
         if self._named:
@@ -87,7 +97,7 @@ class Gauge:
             Reaction: lambda p: self._system.reaction(residual, p.at, COMPONENTS[p.component]),
             MeanJ: lambda p: means[p.region],
         }
-        state = State(u, residual, behind)
+        state = State(u, residual, behind, contact or {})
         found = {name: value for reader in self._readers for name, value in reader(state).items()}
         return {
             name: float(found[name] if name in found else readers[type(probe)](probe))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,11 +27,13 @@ class State:
         u: displacements.
         residual: full gradient of the potential there.
         behind: tells whether the second of two points is behind the surface of the first, where surfaces cross.
+        contact: what is reported of contact, by name of body or pair.
     """
 
     u: Vec
     residual: Vec
     behind: Behind | None = None
+    contact: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 # Values by name of the probe, equal on all ranks; called on all of them.

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from tmc_vem.problems.base import Problem, media_of
 from tmc_vem.problems.columns import KINDS, named_loads, pair_of, quantities_of
 from tmc_vem.results.contact.contact import check_contact
+from tmc_vem.results.contact.curves import ContactCurves
+from tmc_vem.results.contact_files import collect, write_last, write_snapshot
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.energy_balance import energy_balance
 from tmc_vem.results.output import SnapshotWriter, gather_fields
@@ -76,7 +78,8 @@ class Recorder:
         self.problem, self.system, self.inputs, self.directory = problem, system, dict(inputs), directory
         self.gauge, self.monitor, self.timer, self.watch = gauge, monitor, timer, watch
         self.loads = LoadGauge(problem, system)
-        self.contact = ContactGauge(system, media_of(problem), int(inputs["order"]))
+        media = {name: problem.regions()[name].integrand for name in media_of(problem)}
+        self.contact = ContactGauge(system, media, int(inputs["order"]))
         self._read: Reading | None = None
         self._inverted: dict[str, Any] = {}
         self.history: list[StepRecord] = []
@@ -102,6 +105,9 @@ class Recorder:
         u, residual = states.vectors[-1], step.newton.residual
         assert residual is not None  # it has converged
         regions = step.newton.evaluation.regions
+        with self.timer("contact"):
+            traction = self.contact.traction(u, residual)
+            contact = self.contact.measured(traction)
         with self.timer("tables"):
             reading = self.loads.read(u, residual, step.control, self._read)
             self._read = reading
@@ -109,7 +115,7 @@ class Recorder:
                 step=step.number,
                 load=step.load,
                 displacement=reading.displacement,
-                probes=self.gauge.read(u, residual, functools.partial(self.watch.behind, u)),
+                probes=self.gauge.read(u, residual, functools.partial(self.watch.behind, u), contact),
                 reaction=reading.reaction,
                 iterations=len(step.newton.iterations),
                 cut_backs=step.cut_backs,
@@ -124,12 +130,13 @@ class Recorder:
                 load_force=self._load_force(residual, step.control),
                 load_work=reading.work,
                 forces=reading.loads,
-                contact=self.contact.read(u, residual, step.control),
+                contact=contact,
             )
             self._add_to_history(record)
         if self._snapshots is not None:
             with self.timer("snapshots"), _reported(self._snapshots.directory):
-                self._snapshots.offer(step.number, step.time, u)
+                if self._snapshots.offer(step.number, step.time, u):
+                    self._write_contact(step.number, self.contact.curves(u, residual))
         if self._every and step.number % self._every == 0:
             with self.timer("checkpoints"):
                 self._write_checkpoint(states, position)
@@ -177,7 +184,10 @@ class Recorder:
             units = self._headings(self.history[-1]) if self.history else {}
             self.directory.rewrite_history(self.history, units)
         if self._snapshots is not None:
-            self._snapshots.restore(facts["snapshots"])
+            snapshots = self._snapshots
+            snapshots.restore(facts["snapshots"])
+            if self.contact.is_used:
+                on_root(self.system.comm, lambda: collect(snapshots.directory, snapshots.entries))
         if self.history:
             self._read = self._read_again(u)
         position = dict(facts["position"])
@@ -226,15 +236,22 @@ class Recorder:
             solver: name of the linear solver.
             cut_short: a limit on work has ended the stepping.
         """
-        if self._snapshots is not None and self.history:
-            with self.timer("snapshots"), _reported(self._snapshots.directory):
-                self._snapshots.write(self.history[-1].step, self.history[-1].coordinate, u)
+        residual = self.system.create_vector()
         with self.timer("check"):
-            residual = self.system.create_vector()
             evaluation = self.system.residual(u, residual)
+        with self.timer("contact"):
+            curves = self.contact.curves(u, residual)
+        if self._snapshots is not None and self.history:
+            last = self.history[-1]
+            with self.timer("snapshots"), _reported(self._snapshots.directory):
+                if self._snapshots.write(last.step, last.coordinate, u):
+                    self._write_contact(last.step, curves)
+        with self.timer("check"):
             imbalance = self._imbalance(residual, self.history[-1].forces if self.history else {})
             checks: dict[str, Any] = {"imbalance": imbalance, **self._second_gradient(u, evaluation)}
             checks |= {**self._between_the_points(u), **self._inverted}
+            if curves is not None:
+                checks["regulariser_share"] = curves.regulariser_share()
             balance_of_energy = energy_balance(self.history)
             if balance_of_energy:
                 checks["energy_balance"] = balance_of_energy.as_dict()
@@ -267,12 +284,22 @@ class Recorder:
             directory=None if self.directory is None else self.directory.path,
             units=self._units(history[-1]) if history else {},
             cut_short=cut_short and not outcome.complete,
+            curves=curves,
         )
         if self.directory is not None:
             directory = self.directory
             with _reported(directory.path):
+                if curves is not None:
+                    on_root(self.system.comm, lambda: write_last(directory.path, curves, self.problem.units()))
                 on_root(self.system.comm, lambda: directory.write_result(result))
         return result
+
+    def _write_contact(self, step: int, curves: ContactCurves | None) -> None:
+        """Write the tractions of a snapshot that has just been written; called on all ranks."""
+        snapshots, units = self._snapshots, self.problem.units()
+        if curves is not None and snapshots is not None:
+            found, entries = curves, snapshots.entries
+            on_root(self.system.comm, lambda: write_snapshot(snapshots.directory, step, found, units, entries))
 
     def _draw(self, fields: Fields, path: Path) -> None:
         from tmc_vem.report.figures import draw_deformed

@@ -213,9 +213,8 @@ class Discretisation(NonlinearSystem, PointSource, Protocol):
         others, resist at the nodes of this rank's part of a vector: the gradient of their energies, what is on the
         sides between cells left out."""
 
-    def external_forces(self, u: Vec, position: Control) -> Float:
-        """(n_owned_nodes, 2) forces along x and y with which forces and springs act on the same nodes, at a position
-        on the path."""
+    def external_forces(self, u: Vec) -> Float:
+        """(n_owned_nodes, 2) forces along x and y with which forces and springs act on the same nodes."""
 
     def measures(self, u: Vec, position: Control) -> dict[str, dict[str, float]]:
         """What there is to say about every force and spring at a state and a position on the path, by its name; see

@@ -108,12 +108,12 @@ class LoadedSystem:
                 acting.work.gradient(u, self._gradient)
                 out.axpy(-rate, self._gradient)
 
-    def external_forces(self, u: Vec, position: Control) -> Float:
-        """(n_owned_nodes, 2) forces along x and y on the nodes, springs included, at a position on the path."""
-        total_ni = self._system.external_forces(u, position)
-        for acting in self._acting:
+    def external_forces(self, u: Vec) -> Float:
+        """(n_owned_nodes, 2) forces along x and y on the nodes, springs included."""
+        total_ni = self._system.external_forces(u)
+        for acting, factor in zip(self._acting, self._factors(), strict=True):
             acting.work.gradient(u, self._gradient)
-            total_ni += acting.force.amplitude.at(position) * acting.factor * self._along_x_and_y(self._gradient)
+            total_ni += factor * self._along_x_and_y(self._gradient)
         return total_ni
 
     def measures(self, u: Vec, position: Control) -> dict[str, dict[str, float]]:

@@ -25,7 +25,7 @@ class Unloaded:
     def add_residual_per_load(self, u: Vec, position: Control, out: Vec) -> None:
         """Nothing here depends on the position on the path."""
 
-    def external_forces(self, u: Vec, position: Control) -> Float:
+    def external_forces(self, u: Vec) -> Float:
         """Nothing acts on the nodes."""
         return np.zeros_like(DISPLACEMENT.nodal(u.getArray(readonly=True)))
 

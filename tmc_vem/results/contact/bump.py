@@ -36,13 +36,14 @@ class Bump:
     pressure: float
 
     @staticmethod
-    def fit(x_n: Float, pressure_n: Float, weight_n: Float) -> Bump | None:
+    def fit(x_n: Float, pressure_n: Float, weight_n: Float, low: float, high: float) -> Bump | None:
         """Least squares of the squared pressure.
 
         Args:
             x_n: (n,) positions along the contact.
             pressure_n: (n,) pressures there.
             weight_n: (n,) lengths that they stand for.
+            low, high: where contact has ended for certain; a pressure of Hertz vanishes before.
 
         Returns:
             The bump, or None where the pressure is none: level between two corners, for example.
@@ -58,7 +59,8 @@ class Bump:
             return None
         found = Bump(middle + shift, math.sqrt(-top / a), math.sqrt(top))
         reach = min(found.centre - float(x_n.min()), float(x_n.max()) - found.centre)
-        return found if reach >= REACH * found.half_width else None
+        inside = low <= found.centre - found.half_width and found.centre + found.half_width <= high
+        return found if inside and reach >= REACH * found.half_width else None
 
 
 def _parabola(x_n: Float, y_n: Float, weight_n: Float) -> tuple[float, list[float]] | None:

@@ -2,34 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.problems.contact_probe import pair_name
 from tmc_vem.results.contact.bump import Bump, vanishes
 from tmc_vem.results.contact.facing import Facing, facing
 from tmc_vem.results.contact.traction import Traction
-from tmc_vem.support.units import ENERGY, FORCE, LENGTH, STRESS
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 Quantities = Mapping[str, float]
 
-# What is reported, with its kind; of a pair, the force is that on the first body.
-OF_BODY = {"force": FORCE, "force_x": FORCE, "force_y": FORCE, "moment": ENERGY}
-OF_PAIR = {
-    **OF_BODY,
-    "gap": LENGTH,
-    "pressure_max": STRESS,
-    "pressure_fit": STRESS,
-    "half_width": LENGTH,
-    "contact_length": LENGTH,
-    "centre_x": LENGTH,
-    "centre_y": LENGTH,
-}
 SHOWN_OF_BODY, SHOWN_OF_PAIR = ("force",), ("force", "pressure_max", "half_width")
 CLOSED = 0.1  # contact is where the gap has shrunk to less than this part of what it was
 LEVEL = 0.5  # of the largest pressure: what is above it makes the width
@@ -83,16 +71,12 @@ def pairs_of(traction: Traction, seen: Facing) -> list[Pair]:
     return [Pair(pair, chosen & first_of, chosen & ~first_of) for pair, chosen in between.items()]
 
 
-def pair_name(bodies: Sequence[str], pair: tuple[int, int]) -> str:
-    """Name of a pair: those of its bodies."""
-    return "-".join(bodies[body] for body in pair)
-
-
 def measure(traction: Traction) -> dict[str, dict[str, float]]:
-    """What is reported of a state, by name of body and of pair: see :data:`OF_BODY` and :data:`OF_PAIR`.
+    """What is reported of a state, by name of body and of pair: see
+    :data:`tmc_vem.problems.contact_probe.OF_BODY` and ``OF_PAIR``.
 
-    What belongs to the width is left out as long as the gap is open, and where the pressure is that of no round
-    contact.
+    As long as the gap is open, widths are 0 and there is no centre. A half width is left out where the pressure is that
+    of no round contact.
     """
     surface, seen = traction.surface, facing(traction)
     found = {name: traction.resultant(surface.body_n == body) for body, name in enumerate(surface.bodies)}
@@ -110,63 +94,47 @@ def _measure(traction: Traction, seen: Facing, pair: Pair) -> dict[str, float]:
     reference = traction.surface.points_nx
     apart = float(np.hypot(*(reference[peak] - reference[seen.station_n[peak]])))
     if found["pressure_max"] <= 0.0 or not seen.gap_n[peak] < CLOSED * apart:
-        return found
+        return found | {"half_width": 0.0, "contact_length": 0.0}
     return found | _width(traction, pair)
 
 
 def _width(traction: Traction, pair: Pair) -> dict[str, float]:
     """Width and centre of contact, from the pressures of both outlines along their common tangent."""
     runs = [_run(traction, chosen) for chosen in (pair.first_n, pair.second_n) if chosen.any()]
-    stations = np.concatenate([run for run, _ in runs])
+    stations, ends = (np.concatenate(part) for part in zip(*runs, strict=True))
     weight, pressure = traction.weight_n[stations], traction.pressure_n[stations]
     strength = weight * pressure
     outwards = np.where(pair.first_n[stations], 1.0, -1.0)[:, None]
     along = (strength[:, None] * outwards * traction.tangent_ni[stations]).sum(axis=0)
     along /= np.hypot(*along)
     middle = (strength @ traction.points_nx[stations]) / strength.sum()
-    x_n = (traction.points_nx - middle) @ along
-    x = x_n[stations]
-    bump = Bump.fit(x, pressure, weight)
+    x, limits = ((traction.points_nx[some] - middle) @ along for some in (stations, ends))
+    low, high = min(limits.min(), x.min()), max(limits.max(), x.max())
+    bump = Bump.fit(x, pressure, weight, float(low), float(high))
     centre = 0.0 if bump is None else bump.centre
-    found: dict[str, float] = {}
-    if bump is not None:
-        found |= {"pressure_fit": bump.pressure, "half_width": bump.half_width}
-    ends = []
-    for sign in (-1.0, 1.0):
-        flank = sign * (x - centre) >= 0.0
-        limit = max((float((sign * x_n[beyond]).max()) for _, beyond in runs if len(beyond)), default=np.inf)
-        limit = max(limit, float((sign * x).max()))
-        ends.append(sign * vanishes(sign * x[flank], pressure[flank], weight[flank], limit))
-    found["contact_length"] = ends[1] - ends[0]
-    if bump is None:
-        centre = 0.5 * (ends[0] + ends[1])
-    found |= dict(zip(("centre_x", "centre_y"), (middle + centre * along).tolist(), strict=True))
-    return found
+    left, right = x <= centre, x >= centre
+    first = -vanishes(-x[left], pressure[left], weight[left], -float(low))
+    last = vanishes(x[right], pressure[right], weight[right], float(high))
+    found = {"half_width": bump.half_width, "pressure_fit": bump.pressure} if bump is not None else {}
+    centre = 0.5 * (first + last) if bump is None else centre
+    centre_x, centre_y = (middle + centre * along).tolist()
+    return found | {"contact_length": last - first, "centre_x": centre_x, "centre_y": centre_y}
 
 
 def _run(traction: Traction, chosen: Bool) -> tuple[Int, Int]:
-    """Stations around the largest pressure of some with more than half of it, as far as they follow each other; and on
-    both sides the first one beyond at which contact has ended."""
+    """Stations around the largest pressure of some with more than half of it, as far as they follow each other; and to
+    both sides the first one at which contact has ended, or the end of the line."""
     surface, pressure = traction.surface, traction.pressure_n
     peak = int(np.flatnonzero(chosen)[pressure[chosen].argmax()])
     line = np.flatnonzero(surface.line_n == surface.line_n[peak])
-    closed = bool(surface.closed_l[surface.line_n[peak]])
-    level, faded = LEVEL * pressure[peak], FADED * pressure[peak]
     here = peak - int(line[0])
-    run, beyond = [peak], []
-    for step in (-1, 1):
-        above = True
-        for n in range(1, len(line)):
-            at = here + step * n
-            if not closed and not 0 <= at < len(line):
-                break
-            station = int(line[at % len(line)])
-            above = above and bool(pressure[station] > level)
-            if above and station not in run:
-                run.append(station)
-            if pressure[station] < faded:
-                beyond.append(station)
-                break
-        else:
-            continue
-    return np.array(run), np.array(beyond, dtype=np.int64)
+    if surface.closed_l[surface.line_n[peak]]:  # from half way round before to half way round behind
+        line, here = np.roll(line, len(line) // 2 - here), len(line) // 2
+    run: list[Int] = [line[here : here + 1]]
+    ends: list[int] = []
+    for onwards in (line[here + 1 :], line[:here][::-1]):
+        below = pressure[onwards] <= LEVEL * pressure[peak]
+        run.append(onwards[: int(below.argmax()) if below.any() else len(onwards)])
+        faded = onwards[pressure[onwards] < FADED * pressure[peak]]
+        ends += [*faded[:1].tolist(), *onwards[-1:].tolist(), peak][:1]
+    return np.concatenate(run), np.array(ends)

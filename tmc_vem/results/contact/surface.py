@@ -6,13 +6,13 @@ around a body that is all in medium it is closed.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.mesh.bodies import named_bodies
 from tmc_vem.results.contact.solids import same_points
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.trace import Trace
@@ -93,8 +93,7 @@ class Surface:
 
     def summed(self, values_sa: Float) -> Float:
         """(n,) sums at the stations of values (n_sides, k + 1) of the sides."""
-        summed: Float = np.bincount(self.stations_sa.ravel(), weights=values_sa.ravel(), minlength=len(self))
-        return summed
+        return np.bincount(self.stations_sa.ravel(), values_sa.ravel(), len(self)).astype(np.float64)
 
     def tangents(self, points_nx: Float) -> Float:
         """(n_sides, k + 1, 2) derivatives of the sides' points by the reference length, at their nodes.
@@ -141,7 +140,10 @@ class Surface:
         ends = place_p[nodes_sa[:, [0, -1]]]
         solid = polygons.is_solid_c[cell_s]
         inside, across = _both_sides(ends, solid)
-        body_c, names = _bodies(polygons, numbers_c, place_p)
+        body_c, names = named_bodies(
+            polygons.offsets, place_p[polygons.connectivity], polygons.region_c, polygons.region_names,
+            polygons.is_solid_c, numbers_c,
+        )  # fmt: skip
         chosen, line_s, closed_l = _lines(place_p[nodes_sa[inside]], polygons.points_nx[nodes_sa[inside, 0]],
                                           body_c[cell_s[inside]])  # fmt: skip
         inside, across = inside[chosen], across[chosen]
@@ -181,34 +183,6 @@ def _both_sides(ends_se: Int, solid_s: Bool) -> tuple[Int, Int]:
     _, s, m = np.intersect1d(key[solids], key[media], return_indices=True)
     order = np.argsort(solids[s], kind="stable")
     return solids[s[order]], media[m[order]]
-
-
-def _bodies(polygons: Polygons, numbers_c: Int, place_p: Int) -> tuple[Int, list[str]]:
-    """Body (n_cells,) of each cell, and their names; cells that share a node are one body."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    is_solid = polygons.is_solid_c
-    cell = np.repeat(np.arange(polygons.n_cells), np.diff(polygons.offsets))
-    of_solid = is_solid[cell]
-    node = polygons.n_cells + place_p[polygons.connectivity[of_solid]]
-    size = polygons.n_cells + int(place_p.max(initial=-1)) + 1
-    graph = coo_array((np.ones(len(node)), (cell[of_solid], node)), shape=(size, size))
-    label_c = connected_components(graph, directed=False)[1][: polygons.n_cells]
-    solids = np.flatnonzero(is_solid)
-    body_c = np.full(polygons.n_cells, -1)
-    labels, body_c[solids] = np.unique(label_c[solids], return_inverse=True)
-    members = [np.flatnonzero(body_c == b) for b in range(len(labels))]
-    ordered = sorted(range(len(labels)), key=lambda b: int(numbers_c[members[b]].min()))
-    rank = np.empty(len(labels) + 1, dtype=np.int64)
-    rank[ordered], rank[-1] = np.arange(len(labels)), -1
-    names: list[str] = []
-    for b in ordered:
-        regions = [polygons.region_names[r] for r in np.unique(polygons.region_c[members[b]]).tolist()]
-        name = "+".join(regions)
-        candidates = itertools.chain([name], (f"{name}-{n}" for n in itertools.count(2)))
-        names.append(next(each for each in candidates if each not in names))
-    return rank[body_c], names
 
 
 def _lines(places_sa: Int, starts_sx: Float, body_s: Int) -> tuple[Int, Int, Bool]:

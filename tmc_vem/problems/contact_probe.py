@@ -1,0 +1,79 @@
+"""What is reported of contact, and a probe for any of it: force, pressure or width, of a body or a pair of outlines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tmc_vem.mesh.bodies import body_names
+from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.problems.base import RegionEnergy
+from tmc_vem.problems.probes import Known, Probe
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.units import ENERGY, FORCE, LENGTH, STRESS
+from tmc_vem.support.validation import check_fields, require_choice
+
+# Quantities with their kind; of a pair, the force is that on the first body.
+OF_BODY: Mapping[str, str] = {"force": FORCE, "force_x": FORCE, "force_y": FORCE, "moment": ENERGY}
+OF_PAIR: Mapping[str, str] = {
+    **OF_BODY,
+    "gap": LENGTH,
+    "pressure_max": STRESS,
+    "pressure_fit": STRESS,
+    "half_width": LENGTH,
+    "contact_length": LENGTH,
+    "centre_x": LENGTH,
+    "centre_y": LENGTH,
+}
+
+
+def pair_name(bodies: Sequence[str], pair: tuple[int, int]) -> str:
+    """Name of a pair of outlines: those of its bodies."""
+    return "-".join(bodies[body] for body in pair)
+
+
+@dataclass(frozen=True)
+class Contact(Probe):
+    """A quantity of contact.
+
+    Attributes:
+        quantity: one of :data:`OF_PAIR`; of a body, one of :data:`OF_BODY`.
+        of: name of a body, or of two that face each other, as ``block-seal``.
+    """
+
+    quantity: str
+    of: str
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        require_choice("contact", self.quantity, OF_PAIR)
+
+    @property
+    def kind(self) -> str:
+        """Kind of the quantity."""
+        return OF_PAIR[self.quantity]
+
+    def check(self, known: Known) -> None:
+        """Nothing is known without a mesh: regions may have several bodies."""
+
+    def examine(self, mesh: PolygonMesh, regions: Mapping[str, RegionEnergy]) -> None:
+        """Check that there are such bodies, and that a body has the quantity."""
+        solid = np.array([not regions[name].is_medium for name in mesh.region_names], dtype=np.bool_)
+        bodies = body_names(mesh, solid[mesh.region_c])
+        numbers = range(len(bodies))
+        pairs = [pair_name(bodies, (a, b)) for a in numbers for b in numbers if a <= b]
+        if self.of not in (*bodies, *pairs):
+            raise InputError(
+                f"of: there is no body or pair '{self.of}': give one of {', '.join(bodies)}, or two of them in this "
+                f"order with a '-' between"
+            )
+        if self.of in bodies and self.quantity not in OF_BODY:
+            raise InputError(
+                f"of: '{self.of}' is one body, which has {', '.join(OF_BODY)}: {self.quantity} is that of a pair, as "
+                f"'{pairs[min(1, len(pairs) - 1)]}'"
+            )
+
+    def __str__(self) -> str:
+        return f"{self.quantity} of contact, {self.of}"

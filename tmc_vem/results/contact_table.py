@@ -1,0 +1,84 @@
+"""Tractions along the surface of the solids as a table: ``contact.csv``, a row a station."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.results.contact.curves import COLUMNS, Column, ContactCurves
+from tmc_vem.results.records import heading
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.files import write_atomically
+from tmc_vem.support.units import Units
+
+BODY, FACES, CLOSED = "body", "faces", "closed"
+
+
+def write_table(path: Path, curves: ContactCurves, units: Units) -> None:
+    """Write a table; what a problem declares as units stands in the headings.
+
+    Raises:
+        OSError: it could not be written.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text)
+    names = [heading(column.name, units.of(column.kind) if units.declared else "") for column in COLUMNS]
+    writer.writerow([BODY, FACES, CLOSED, *names])
+    values = np.column_stack([_values(curves, column) for column in COLUMNS])
+    for n, row in enumerate(values.tolist()):
+        faces = "" if curves.faces_n[n] < 0 else curves.bodies[curves.faces_n[n]]
+        closed = int(curves.closed_l[curves.line_n[n]])
+        plain = ["" if math.isnan(value) else int(value) if column.name == "line" else value
+                 for column, value in zip(COLUMNS, row, strict=True)]  # fmt: skip
+        writer.writerow([curves.bodies[curves.body_n[n]], faces, closed, *plain])
+    write_atomically(path, text.getvalue())
+
+
+def read_table(path: Path) -> ContactCurves:
+    """What stands in a table.
+
+    Raises:
+        InputError: it is missing or not readable.
+    """
+    try:
+        rows = list(csv.DictReader(io.StringIO(path.read_text())))
+        return _curves([{key.partition(" [")[0]: value for key, value in row.items()} for row in rows])
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
+    except (KeyError, ValueError, AttributeError, TypeError, IndexError) as error:
+        raise InputError(f"{path} is not a readable table of contact: {error}") from None
+
+
+def _curves(rows: list[dict[str, str]]) -> ContactCurves:
+    bodies = tuple(dict.fromkeys(row[BODY] for row in rows))
+    number = {name: n for n, name in enumerate(bodies)} | {"": -1}
+    fields: dict[str, list[NDArray[np.float64]]] = {}
+    for column in COLUMNS:
+        values = np.array([float(row[column.name] or "nan") for row in rows])
+        fields.setdefault(column.field, []).append(values)
+    arrays = {name: parts[0] if len(parts) == 1 else np.column_stack(parts) for name, parts in fields.items()}
+    line = arrays.pop("line_n").astype(np.int64)
+    return ContactCurves(
+        bodies=bodies,
+        closed_l=np.array([rows[first][CLOSED] == "1" for first in np.unique(line, return_index=True)[1].tolist()]),
+        body_n=np.array([number[row[BODY]] for row in rows]),
+        line_n=line,
+        faces_n=np.array([number[row[FACES]] for row in rows]),
+        **arrays,
+    )
+
+
+def _values(curves: ContactCurves, column: Column) -> NDArray[np.float64]:
+    values: NDArray[np.float64] = np.asarray(getattr(curves, column.field), dtype=np.float64)
+    return values if column.component is None else values[:, column.component]
+
+
+def units_of_table(units: Units) -> Mapping[str, str]:
+    """Units of the columns by name."""
+    return {column.name: units.of(column.kind) for column in COLUMNS}

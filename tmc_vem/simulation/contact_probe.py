@@ -1,0 +1,25 @@
+"""Reads probes of contact off what a state's contact gauge has found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from tmc_vem.problems.base import Problem
+from tmc_vem.problems.contact_probe import Contact
+from tmc_vem.simulation.reading import Reader, State
+from tmc_vem.system.discretisation import Discretisation
+
+
+def contact_reader(probes: Mapping[str, Contact], problem: Problem, system: Discretisation) -> Reader:
+    """What reads such probes.
+
+    Bodies that do not face each other in a state have no force and no width. What is not known of those that do, the
+    half width of a pressure that is no round contact's, is not a number.
+    """
+
+    def value(state: State, probe: Contact) -> float:
+        found = state.contact.get(probe.of)
+        return 0.0 if found is None else found.get(probe.quantity, math.nan)
+
+    return lambda state: {name: value(state, probe) for name, probe in probes.items()}
