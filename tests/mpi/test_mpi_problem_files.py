@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import pyvista
 from helpers_plate import result_of
@@ -58,6 +59,12 @@ def test_probes_do_not_depend_on_the_ranks(name: str, ranks: int, method: str, f
     assert len(expected["probes"]) >= 5
     assert found["probes"] == pytest.approx(expected["probes"], rel=1e-7, abs=1e-10)
     assert found["reaction"] == pytest.approx(expected["reaction"], rel=1e-7)
+    assert found["contact"].keys() == expected["contact"].keys()
+    for body, values in expected["contact"].items():
+        assert found["contact"][body] == pytest.approx(values, rel=1e-6, abs=1e-9), body
+    tables = [np.genfromtxt(folder / f"{name}-{method}-{n}" / "contact.csv", delimiter=",", skip_header=1)[:, 2:]
+              for n in (1, ranks)]  # fmt: skip
+    assert tables[1] == pytest.approx(tables[0], rel=1e-6, abs=1e-7, nan_ok=True), "tractions, station by station"
     assert (found["n_dofs"], found["steps"]) == (expected["n_dofs"], expected["steps"])
     whole = pyvista.read(max((folder / f"{name}-{method}-{ranks}" / "fields").glob("*.pvtu")))
     moved = whole.GetPointData().GetArray("displacement")

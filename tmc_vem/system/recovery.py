@@ -274,7 +274,7 @@ def mean_value_coordinates(corners_vx: Float, point_x: Float) -> Float:
         weights[side] += 1.0 - t
         weights[(side + 1) % n_sides] += t
         return weights
-    half = (length * np.roll(length, -1) - dot) / cross  # tan of half the angle under which a side is seen
+    half = cross / (length * np.roll(length, -1) + dot)  # tan of half the angle under which a side is seen
     weights = (half + np.roll(half, 1)) / length
     total: Float = weights / weights.sum()
     return total

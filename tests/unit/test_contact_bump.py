@@ -1,0 +1,47 @@
+"""Widths from pressures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tmc_vem.results.contact.bump import Bump, vanishes
+
+X = np.linspace(-0.8, 0.9, 12) + 3.0
+HERTZ = 5.0 * np.sqrt(1.0 - ((X - 3.1) / 1.2) ** 2)
+W = np.linspace(1.0, 2.0, 12)
+
+
+def test_the_pressure_of_hertz_is_found_exactly() -> None:
+    found = Bump.fit(X, HERTZ, W, 0.0, 9.0)
+    assert found is not None
+    assert (found.centre, found.half_width, found.pressure) == pytest.approx((3.1, 1.2, 5.0), rel=1e-10)
+
+
+def test_weights_count() -> None:
+    wrong = HERTZ.copy()
+    wrong[4] *= 1.1
+    one, other = (Bump.fit(X, wrong, np.where(np.arange(12) == 4, w, 1.0), 0.0, 9.0) for w in (1e-9, 1.0))
+    assert one is not None
+    assert other is not None
+    assert one.half_width == pytest.approx(1.2, rel=1e-6)
+    assert abs(other.half_width - 1.2) > 1e-3
+
+
+def test_what_is_no_round_contact_has_no_half_width() -> None:
+    assert Bump.fit(X[:3], HERTZ[:3], W[:3], 0.0, 9.0) is None, "too few"
+    assert Bump.fit(np.ones(5), HERTZ[:5], W[:5], 0.0, 9.0) is None, "one place"
+    assert Bump.fit(X, np.full(12, 2.0) + 0.01 * (X - 3.0) ** 2, W, 0.0, 9.0) is None, "more pressure at the ends"
+    assert Bump.fit(X, HERTZ, W, 2.0, 9.0) is None, "contact ends at 2, the parabola at 1.9"
+    assert Bump.fit(X, HERTZ, W, 0.0, 4.2) is None, "contact ends at 4.2, the parabola at 4.3"
+    middle = slice(5, 9)
+    assert Bump.fit(X[middle], HERTZ[middle], W[middle], 0.0, 9.0) is None, "seen too little of"
+
+
+def test_where_the_pressure_vanishes() -> None:
+    right = X >= 3.1
+    assert vanishes(X[right], HERTZ[right], W[right], 9.0) == pytest.approx(4.3)
+    assert vanishes(X[right], HERTZ[right], W[right], 4.1) == 4.1, "not beyond the end"
+    assert vanishes(X[:2], HERTZ[:2], W[:2], 7.0) == 7.0, "too few"
+    level = np.full(12, 2.0)
+    assert vanishes(X, level, W, 4.0) == 4.0
