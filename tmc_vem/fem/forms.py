@@ -17,6 +17,7 @@ from codegen.integrand import Integrand
 from tmc_vem.fem import compat
 from tmc_vem.fem.expressions import density, facet_energy, facet_width
 from tmc_vem.fem.mesh import FemMesh
+from tmc_vem.system.control import parameter_of
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.graded import Graded
 from tmc_vem.system.interior_penalty import require_weights
@@ -47,7 +48,7 @@ class Forms:
         facets: by region name, the interior penalty's energy, for the media that have one.
         residual: first derivative of all of it.
         tangent: second derivative.
-        set_parameters: changes parameters, by name, in every energy that has them.
+        set_parameters: changes parameters, by name, in every energy that has them, or in that of one region.
     """
 
     cells: Any
@@ -114,9 +115,10 @@ def _parameters(
                 setattr(parameters[name], key, getattr(parameters[name], key) * varying)
 
     def change(wanted: Mapping[str, float]) -> None:
-        for position, (_, key) in enumerate(keys):
-            if key in wanted:
-                numbers[position] = wanted[key]
+        for position, (name, key) in enumerate(keys):
+            for known in (key, parameter_of(name, key)):
+                if known in wanted:
+                    numbers[position] = wanted[known]
 
     return parameters, factor, change
 

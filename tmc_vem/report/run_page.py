@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tmc_vem.report import cautions, plots, tables
+from tmc_vem.report.limits import limit_blocks
 from tmc_vem.report.page import Block, Page, Section, Table, Text, picture
 from tmc_vem.report.panels import draw_panels
 from tmc_vem.results.run_result import RunResult
@@ -28,6 +29,7 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4) -> P
                 "Result",
                 [tables.final_state(runs), *tables.measured(runs), *tables.energy_in_jumps(runs), warnings],
             ),
+            *([Section("Limit for gamma to 0", limit_blocks(name, result))] if result.limit else []),
             *([Section("Deformed states", [_states(result, quantity, n_states)])] if result.history else []),
             *([Section("Curves", _curves(runs))] if result.history else []),
             Section("Solution", [tables.effort(runs), Table("Contact.", ("run", "deformed solids"), contact)]),

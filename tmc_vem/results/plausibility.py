@@ -14,6 +14,7 @@ from typing import Any
 
 from tmc_vem.results.contact.contact import Overlap
 from tmc_vem.results.energy_balance import energy_balance
+from tmc_vem.results.limit import GammaLimit
 from tmc_vem.results.records import StepRecord, is_spring
 
 ERROR, WARNING = "error", "warning"
@@ -232,6 +233,19 @@ def large_gamma(evidence: Evidence) -> Iterable[Finding]:
                 WARNING,
                 f"gamma = {value:g} is above {LARGE_GAMMA:g}: the medium acts as a body of its own; use 1e-3 or less",
             )
+
+
+def limit_findings(limit: GammaLimit) -> list[Finding]:
+    """Limits for gamma to 0 that are withheld, those with the same reason together."""
+    by_reason: dict[str, list[str]] = {}
+    for name, reason in limit.withheld.items():
+        by_reason.setdefault(reason, []).append(name)
+    found = []
+    for reason, names in by_reason.items():
+        more = f" and {len(names) - FEW} more" if len(names) > FEW else ""
+        text = f"no limit for gamma to 0 of {', '.join(names[:FEW])}{more}: {reason}"
+        found.append(Finding(WARNING, text))
+    return found
 
 
 # the order is that of their weight

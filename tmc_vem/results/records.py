@@ -17,12 +17,13 @@ from tmc_vem.results.unfinished import BEGUN, CHECKPOINT, COMMAND
 
 # Schema of run directories that is written, and the oldest that is read. A new entry with a default in ``read`` or
 # ``from_row`` leaves both alone; a changed meaning raises both.
-SCHEMA, OLDEST = 1, 1
+SCHEMA, OLDEST = 2, 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
 PROBLEM = "problem.toml"  # of a run whose problem came from tables
 TRIANGULATED = "triangulated"  # fields cut into triangles: the collection, and what their files begin with
 # groups of values in a record, and what their columns begin with
 _GROUPS = {"min_j": "min_j_", "energy": "energy_", "parameters": "parameter_"}
+_OPTIONAL = ("load_work", "limit_of")  # columns that not every run has
 OF = "."  # between a load and a quantity of it
 # What is said of a load that is shown, and not in the files alone; of springs, what has no pair.
 SHOWN = ("displacement", "reaction", "angle", "moment", "force", "area", "swept", "pressure", "work")
@@ -58,6 +59,8 @@ class StepRecord:
         load_work: work of all prescribed displacements since the start; None, and no column, where there are neither
             histories nor loads with names.
         forces: what is reported of loads and springs by their names, see :mod:`tmc_vem.problems.columns`.
+        limit_of: number of the load step from which gamma was lowered to this state, at the same load; None, and no
+            column, for the load steps themselves.
     """
 
     step: int
@@ -78,6 +81,7 @@ class StepRecord:
     load_force: float | None = None
     load_work: float | None = None
     forces: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    limit_of: int | None = None
 
     @property
     def coordinate(self) -> float:
@@ -107,7 +111,7 @@ class StepRecord:
         """
         flat: dict[str, Any] = {}
         for name, value in asdict(self).items():
-            if name not in (*_GROUPS, "forces") and not (name == "load_work" and value is None):
+            if name not in (*_GROUPS, "forces") and not (name in _OPTIONAL and value is None):
                 flat |= value if name == "probes" else {name: value}
         for name, prefix in _GROUPS.items():
             flat |= {prefix + key: value for key, value in getattr(self, name).items()}
@@ -151,6 +155,7 @@ class StepRecord:
             load_force=float(row["load_force"]) if row.get("load_force") else None,
             load_work=float(row["load_work"]) if row.get("load_work") else None,
             forces=forces,
+            limit_of=int(row["limit_of"]) if row.get("limit_of") else None,
         )
 
     @staticmethod
@@ -162,7 +167,7 @@ class StepRecord:
 
 # columns of history.csv that every run has
 COLUMNS = tuple(
-    entry.name for entry in fields(StepRecord) if entry.name not in ("probes", "load_work", "forces", *_GROUPS)
+    entry.name for entry in fields(StepRecord) if entry.name not in ("probes", "forces", *_OPTIONAL, *_GROUPS)
 )
 
 
