@@ -89,7 +89,7 @@ def test_what_is_written_is_read(whole: RunResult) -> None:
     assert {"gammas", "expected_ratio", "values"} <= set(data["limit"])
     again = RunResult.read(whole.directory)
     assert again.limit == replace(limit_of(whole), gammas=tuple(limit_of(whole).gammas))
-    assert again.lowered == list(whole.lowered)
+    assert again.lowered == whole.lowered
     assert again.history == list(whole.history)
     rows = (whole.directory / "history.csv").read_text().splitlines()
     assert rows[0].endswith("limit_of,parameter_gamma")

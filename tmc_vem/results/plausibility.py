@@ -178,7 +178,8 @@ def medium_in_contact(evidence: Evidence) -> Iterable[Finding]:
         yield Finding(
             WARNING,
             f"{_percent(min(share, 1.0))} of the final reaction squeezes the medium and not the bodies (more than "
-            f"{MEDIUM_REACTION:.0%} counts; it is off by about as much): use a smaller gamma or alpha_r",
+            f"{MEDIUM_REACTION:.0%} counts; it is off by about as much): use a smaller gamma or alpha_r, "
+            "or cite the limit that extrapolate_gamma gives",
         )
 
 

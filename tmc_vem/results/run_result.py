@@ -192,7 +192,8 @@ class RunResult:
             data, has_result = _result_of(path)
             columns = {heading(name, unit): name for name, unit in data.get("units", {}).items()}
             rows = _history(path, columns, whole=has_result)
-            history, lowered = ([row for row in rows if (row.limit_of is None) == is_step] for is_step in (True, False))
+            history = [row for row in rows if row.limit_of is None]
+            lowered = tuple(row for row in rows if row.limit_of is not None)
             steps = data.get("steps", len(history))
             if has_result and len(history) != steps:
                 raise ValueError(f"{HISTORY} has {len(history)} of {steps} steps")

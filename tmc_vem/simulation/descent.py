@@ -130,7 +130,7 @@ class Descents:
         if self.budget.used_up:
             raise OutOfBudget(outcome.reason)
         why = "" if outcome.complete else outcome.reason
-        self.recorder.end_descent(why, outcome.failed_iterations, outcome.failed_attempts)
+        self.recorder.end_descent(why, outcome.failed_iterations)
 
     def _is_due(self) -> bool:
         """Whether the last load step is the first at or beyond one of the marks."""

@@ -47,27 +47,24 @@ class Lowered:
         records: states in the order in which they were found; ``limit_of`` is the load step of each.
         done: for each load step from which gamma was lowered to the end, or as far as possible, why not further.
         failed_iterations: of Newton's method in steps of descents that have failed for good.
-        failed_attempts: such steps that were tried.
     """
 
     records: list[StepRecord] = field(default_factory=list)
     done: dict[int, str] = field(default_factory=dict)
     failed_iterations: int = 0
-    failed_attempts: int = 0
 
-    def end(self, start: int, records: Sequence[StepRecord], why: str, iterations: int, attempts: int) -> None:
+    def end(self, start: int, records: Sequence[StepRecord], why: str, iterations: int) -> None:
         """A descent has ended.
 
         Args:
             start: number of the load step.
             records: of its states.
             why: it did not go further; empty if it went to its end.
-            iterations, attempts: that have failed since its last state.
+            iterations: in vain since its last state.
         """
         self.records += records
         self.done[start] = why
         self.failed_iterations += iterations
-        self.failed_attempts += attempts
 
     def iterations(self, goes_on: Descending | None) -> int:
         """Newton iterations with lower gamma, failed ones included, also of a descent that goes on."""
@@ -88,7 +85,7 @@ class Lowered:
         """What a checkpoint has."""
         records = [StepRecord.from_plain(entry) for entry in facts["records"]]
         done = {int(start): str(why) for start, why in facts["done"]}
-        return Lowered(records, done, facts["failed_iterations"], facts["failed_attempts"])
+        return Lowered(records, done, facts["failed_iterations"])
 
 
 def stepper_state(facts: Mapping[str, Any]) -> StepperState:

@@ -123,15 +123,15 @@ class Recorder:
             self._write_checkpoint()
         self.monitor.lowered(record)
 
-    def end_descent(self, why: str, iterations: int = 0, attempts: int = 0) -> None:
+    def end_descent(self, why: str, iterations: int = 0) -> None:
         """The descent from the last load step has ended; called on all ranks.
 
         Args:
             why: it did not go further; empty if it went to its end.
-            iterations, attempts: that have failed since its last state.
+            iterations: of Newton's method in vain since its last state.
         """
         records = self.descending.records if self.descending is not None else []
-        self.lowered.end(self.history[-1].step, records, why, iterations, attempts)
+        self.lowered.end(self.history[-1].step, records, why, iterations)
         self.descending = None
         if self.directory is not None and records:
             self._rewrite_history(self.directory)

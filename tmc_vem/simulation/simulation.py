@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from tmc_vem.solve.newton import Iteration, NewtonSolver
     from tmc_vem.solve.path import ControlPath
     from tmc_vem.solve.states import States
-    from tmc_vem.solve.stepping import LoadStepper, Step, StepperState, SteppingOptions, SteppingResult
+    from tmc_vem.solve.stepping import LoadStepper, OnStep, Step, StepperState, SteppingOptions, SteppingResult
 
 
 def run(
@@ -308,11 +308,7 @@ class Simulation:
             along_path, stops = self.options.extrapolate_gamma == PATH, self.path.stops
             descents = Descents(self.lowering, along_path, stops, self.path.end, solver, recorder, budget, on_iteration)
 
-        def on_step(step: Step, states: States, position: StepperState) -> None:
-            recorder.record(step, states, position)
-            if descents is not None:
-                descents.offer(states.vectors[-1])
-
+        on_step = recorder.record if descents is None else _then(recorder.record, descents)
         if self.options.follow:
             return ArcLengthStepper(solver, arc_of(self.options), on_step, on_iteration), descents
         gamma = _gamma(self.problem)
@@ -323,6 +319,16 @@ class Simulation:
         """Say in the run directory why there will be no result."""
         if self.directory is not None and self.comm.rank == 0:
             self.directory.interrupted(str(error) or type(error).__name__)
+
+
+def _then(record: OnStep, descents: Descents) -> OnStep:
+    """Record a step, and lower gamma beside it where that is due."""
+
+    def on_step(step: Step, states: States, position: StepperState) -> None:
+        record(step, states, position)
+        descents.offer(states.vectors[-1])
+
+    return on_step
 
 
 def stepping_of(options: RunOptions) -> SteppingOptions:
