@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from helpers_blocks import blocks
+from helpers_process import tmc
 from mpi4py import MPI
 
 from tmc_vem import Box, Medium, RunOptions, RunResult, run
@@ -390,3 +391,86 @@ def test_a_limit_in_words() -> None:
     assert with_uncertainty(0.0, 1e-3) == "0.0000 ± 0.0010"
     assert str(LimitValue(1.0, 0.1, None)) == "1.00 ± 0.10"
     assert str(LimitValue(None, None, None, "why")) == "withheld"
+
+
+# -- where it is shown -------------------------------------------------------------------------------------------------
+
+
+def test_the_summary_has_limits(whole: RunResult, plain: RunResult) -> None:
+    from tmc_vem.cli.progress import limit_rows, summary_rows
+
+    limit = limit_of(whole)
+    rows = limit_rows(whole)
+    assert [name for name, _ in rows] == ["limit of gamma", "limit, reaction", "limit, gap"]
+    assert rows[0][1] == f"from 0.0001, 1e-05, 1e-06, with {limit.newton_iterations} Newton iterations"
+    gap = limit.values["gap"]
+    assert rows[2][1] == f"{gap} (ratio {gap.ratio:.3f}, 3.981 in contact)"
+    assert [row for row in summary_rows(whole) if row[0].startswith("limit")] == rows
+    assert limit_rows(plain) == []
+    none = replace(limit, values={"gap": LimitValue(None, None, None, "why")})
+    units = {"units": {"length": "mm", "force": "N"}}
+    in_mm = {"inputs": units, "units": {"gap": "mm"}}
+    assert limit_rows(replace(whole, limit=none, **in_mm))[1] == ("limit, gap", "withheld")
+    assert limit_rows(replace(whole, **in_mm))[2][1].startswith(f"{gap} mm (ratio")
+
+
+def test_progress_says_a_line_a_decade(capsys: pytest.CaptureFixture[str]) -> None:
+    from tmc_vem.cli.progress import ConsoleMonitor
+
+    monitor = ConsoleMonitor()
+    for number, gamma in ((1, 1e-4), (1, 3e-5), (1, 1e-5), (1, 5e-6), (2, 5e-5), (2, 4e-5)):
+        monitor.lowered(record(3, limit_of=number, parameters={"gamma": gamma}))
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "load 0.300 with gamma 1.00e-04, gap 0.5, 1 iterations"
+    assert [line.split("gamma ")[1][:8] for line in lines] == ["1.00e-04", "1.00e-05", "5.00e-05"]
+
+
+def test_comparisons_have_a_table_of_limits(whole: RunResult, plain: RunResult) -> None:
+    from tmc_vem.report.comparison import Comparison, Method, _limits, _summary
+    from tmc_vem.report.page import Table
+
+    limit = limit_of(whole)
+    c = Comparison("title", "command", [Method("VEM", {"20 x 5": whole}, {}), Method("FEM", {"20 x 5": plain}, {})])
+    (table,) = _limits(c, ["20 x 5", "40 x 10"])
+    assert isinstance(table, Table)
+    assert table.head == ["mesh", "VEM reaction", "VEM gap"]
+    texts = [[cell.text for cell in row] for row in table.cells]
+    assert texts == [["20 x 5", str(limit.values["reaction"]), str(limit.values["gap"])], ["40 x 10", "–", "–"]]
+    (summary, *_) = _summary(c)
+    assert isinstance(summary, Table)
+    found = {row[0].text: [cell.text for cell in row[1:]] for row in summary.cells}
+    assert found["gap, limit of gamma"] == [str(limit.values["gap"]), "–", "–", "–"]
+    withheld = replace(whole, limit=replace(limit, values={"gap": LimitValue(None, None, None, "why")}))
+    (table,) = _limits(replace(c, methods=[Method("VEM", {"20 x 5": withheld}, {})]), ["20 x 5"])
+    assert isinstance(table, Table)
+    assert (table.cells[0][1].text, table.notes) == ("withheld", ["why"])
+    assert _limits(replace(c, methods=c.methods[1:]), ["20 x 5"]) == []
+
+
+def test_comparisons_ask_for_limits(tmp_path: Path) -> None:
+    from tmc_vem.cli.compare import _methods
+    from tmc_vem.simulation.problem_file import read_problem
+    from tmc_vem.study.compare import file_study
+
+    given = {"order": 2, "steps": None, "interior_penalty": "none", "extrapolate_gamma": "path", "gamma_decades": 3}
+    for options in _methods(given).values():
+        assert (options.extrapolate_gamma, options.gamma_decades) == ("path", 3)
+    for options in _methods({**given, "extrapolate_gamma": None, "gamma_decades": None}).values():
+        assert (options.extrapolate_gamma, options.gamma_decades) == (False, 2)
+    problem, settings = read_problem(blocks(tmp_path, "extrapolate_gamma = true\ngamma_decades = 4"))
+    for options in file_study(problem, [0.1, 0.2, 0.3], settings).options.values():
+        assert (options.extrapolate_gamma, options.gamma_decades) == (True, 4)
+    study = file_study(problem, [0.1, 0.2, 0.3], settings, extrapolate_gamma="path", gamma_decades=5)
+    assert {(o.extrapolate_gamma, o.gamma_decades) for o in study.options.values()} == {("path", 5)}
+
+
+@pytest.mark.slow
+def test_ranks(whole: RunResult, tmp_path: Path) -> None:
+    out = str(tmp_path / "box")
+    words = "run box --cells 20 5 --uy -0.5 --gamma 1e-4 --extrapolate-gamma --snapshots 0 --quiet --max-iterations"
+    assert tmc(*words.split(), str(whole.newton_iterations - 9), "--out", out, ranks=2).returncode == 3
+    assert tmc("resume", out, "--quiet", ranks=3).returncode == 0
+    found = limit_of(RunResult.read(out)).values
+    for name, entry in limit_of(whole).values.items():
+        assert found[name].at == pytest.approx(entry.at, rel=1e-9)
+        assert found[name].value == pytest.approx(entry.value, rel=1e-6)

@@ -173,5 +173,6 @@ def limit_rows(result: RunResult) -> list[tuple[str, str]]:
     rows = [("limit of gamma", f"from {gammas}, with {limit.newton_iterations} Newton iterations")]
     for name, entry in limit.values.items():
         ratio = "" if entry.ratio is None else f" (ratio {entry.ratio:.3f}, {limit.expected_ratio:.3f} in contact)"
-        rows.append((f"limit, {name}", f"{entry} {result.unit(name)}".rstrip() + ratio))
+        unit = "" if entry.value is None else result.unit(name)
+        rows.append((f"limit, {name}", f"{entry} {unit}".rstrip() + ratio))
     return rows
