@@ -27,6 +27,7 @@ GAMMA = "gamma"
 LOADS = 10  # descents along a path, besides those at loads that are hit exactly
 # A descent does not look for other branches: their values say nothing about the limit of this one.
 SMALLEST = 1e-4
+REMEDY = "begin with a larger gamma, or take smaller cells or more medium there"
 
 
 def lowering_of(problem: Problem, options: RunOptions) -> Lowering | None:
@@ -129,7 +130,7 @@ class Descents:
             v.destroy()
         if self.budget.used_up:
             raise OutOfBudget(outcome.reason)
-        why = "" if outcome.complete else outcome.reason
+        why = "" if outcome.complete else f"{outcome.reason}; {REMEDY}"
         self.recorder.end_descent(why, outcome.failed_iterations)
 
     def _is_due(self) -> bool:
