@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -26,7 +27,7 @@ from tmc_vem.results.limit import (
     with_uncertainty,
 )
 from tmc_vem.results.records import StepRecord
-from tmc_vem.simulation.descent import lowering_of
+from tmc_vem.simulation.descent import Descents, lowering_of
 from tmc_vem.simulation.discretised import discretise
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.support.errors import InputError
@@ -193,6 +194,24 @@ def test_along_the_path(tmp_path: Path) -> None:
         "gap", *(f"{value:.4e}" for value in gap.at), str(gap), f"{gap.ratio:.3f}",
     ]  # fmt: skip
     assert (curves.name, limit_blocks("box", same)) == ("limit-1", [])
+
+
+def test_where_gamma_is_lowered_along_a_path() -> None:
+    """At the first step at or beyond each tenth, however long a branch is, and at stops."""
+
+    def due(before: float, now: float, end: float = 1.0, stops: tuple[float, ...] = ()) -> bool:
+        steps = [record(1, time=before), record(2, time=now)] if before else [record(1, time=now)]
+        recorder: Any = SimpleNamespace(history=steps)
+        nothing: Any = None
+        return Descents(nothing, True, stops, end, nothing, recorder, nothing)._is_due()
+
+    assert [due(0.0, now) for now in (0.05, 0.1, 0.1 - 1e-12, 0.15)] == [False, True, True, True]
+    assert [due(0.1 - 1e-12, 0.1), due(0.11, 0.19), due(0.11, 0.2), due(1.25, 1.28), due(1.25, 1.31)] == [
+        False, False, True, False, True,
+    ]  # fmt: skip
+    assert (due(0.11, 0.19, end=0.5), due(0.11, 0.14, end=0.5), due(0.11, 0.15, end=0.5)) == (True, False, True)
+    assert (due(0.11, 0.19, stops=(0.15,)), due(0.11, 0.15 - 1e-12, stops=(0.15,))) == (True, True)
+    assert (due(0.15, 0.19, stops=(0.15,)), due(0.11, 0.14, stops=(0.15,))) == (False, False)
 
 
 def test_paths_that_come_back_branches_and_other_gammas() -> None:

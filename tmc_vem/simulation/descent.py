@@ -135,7 +135,6 @@ class Descents:
 
     def _is_due(self) -> bool:
         """Whether the last load step is the first at or beyond one of the marks."""
-        history, tiny = self.recorder.history, SAME * self.end
-        before = history[-2].coordinate if len(history) > 1 else 0.0
-        marks = {*self.stops, *(self.end * (n + 1) / LOADS for n in range(LOADS))}
-        return any(before + tiny < mark <= history[-1].coordinate + tiny for mark in marks)
+        history, tiny, apart = self.recorder.history, SAME * self.end, self.end / LOADS
+        now, before = history[-1].coordinate + tiny, (history[-2].coordinate if len(history) > 1 else 0.0) + tiny
+        return now // apart > before // apart or any(before < stop <= now for stop in self.stops)
