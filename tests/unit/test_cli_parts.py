@@ -84,6 +84,8 @@ OPTIONS: list[tuple[str, RunOptions | None]] = [
     ("--path 0,1,0.5 --continuation gamma=1e-3", RunOptions(path=(0.0, 1.0, 0.5), continuation={"gamma": 1e-3})),
     ("--follow --allow-overlap --max-iterations 5 --max-seconds 2.5",
      RunOptions(follow=True, allow_overlap=True, max_iterations=5, max_seconds=2.5)),
+    ("--extrapolate-gamma --steps 7", RunOptions(extrapolate_gamma=True, steps=7)),
+    ("--extrapolate-gamma path --gamma-decades 4", RunOptions(extrapolate_gamma="path", gamma_decades=4)),
     ("--overwrite --checkpoint-every 3 --snapshots 4 --triangulated --solver reproducible",
      RunOptions(overwrite=True, checkpoint_every=3, snapshots=4, triangulated=True, solver="reproducible")),
     ("--order 3 --l 2 --quadrature 7 --rule triangles --interior-penalty full --eta 4",

@@ -247,10 +247,10 @@ def texts(*history: StepRecord, complete: bool = True, media: Any = ("medium",),
         ({"energy": {"solid": 1.0, "medium": 0.0526}}, []),
         ({"energy": {"solid": 1.0, "medium": 0.0527}},
          ["5.0% of the final reaction squeezes the medium and not the bodies (more than 5% counts; it is off by about "
-          "as much): use a smaller gamma or alpha_r"]),
+          "as much): use a smaller gamma or alpha_r, or cite the limit that extrapolate_gamma gives"]),
         ({"energy": {"solid": -1.0, "medium": 1.5}},
          ["100% of the final reaction squeezes the medium and not the bodies (more than 5% counts; it is off by about "
-          "as much): use a smaller gamma or alpha_r"]),
+          "as much): use a smaller gamma or alpha_r, or cite the limit that extrapolate_gamma gives"]),
         ({"energy": {"solid": 0.0, "medium": 0.0}}, []),
         ({"energy": {"solid": 0.1, "medium": 0.9}, "min_j": {"medium": 0.5}, "parameters": {"gamma": 1e-5}}, []),
     ],
@@ -309,7 +309,7 @@ def test_the_medium_in_contact_is_judged_by_the_last_step_to_the_quoted_load() -
     assert texts(before, now, complete=False) == texts(before, open_medium, media=()) == []
     assert texts(now, before) == [
         "14% of the final reaction squeezes the medium and not the bodies (more than 5% counts; it is off by about as "
-        "much): use a smaller gamma or alpha_r"
+        "much): use a smaller gamma or alpha_r, or cite the limit that extrapolate_gamma gives"
     ]  # fmt: skip
 
 

@@ -81,7 +81,8 @@ def test_columns_and_headings() -> None:
 
 def test_the_content_of_result_json() -> None:
     assert json.loads(RESULT.to_json()) == {
-        "schema": 1, "complete": False, "state": "stopped", "reason": "why", "cut_short": True, "load": 0.5,
+        "schema": 2, "limit": None, "complete": False, "state": "stopped", "reason": "why", "cut_short": True,
+        "load": 0.5,
         "displacement": -0.25, "gap": 0.125, "reaction": -4.0, "probes": {"gap": 0.125, "side": 2.0},
         "min_j": {"solid": 0.75, "medium": 0.0625}, "energy": {"solid": 8.0, "medium": 0.375},
         "units": {"reaction": "N/mm", "min_j_solid": "1"}, "media": ["medium"], "n_cells": 10, "n_dofs": 20, "steps": 1,
@@ -147,7 +148,7 @@ def test_a_damaged_result_is_said_in_one_line(tmp_path: Path, changes: dict[str,
     ("schema", "message"),
     [
         (None, " was written before run directories had a schema number: run it again"),
-        (2, " was written by a newer version (schema 2, known up to 1): update tmc-vem"),
+        (3, " was written by a newer version (schema 3, known up to 2): update tmc-vem"),
         (0, " was written by an old version (schema 0, read from 1 on): run it again"),
     ],
 )

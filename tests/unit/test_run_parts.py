@@ -22,6 +22,7 @@ from tmc_vem.results.contact.rings import Rings
 from tmc_vem.results.plausibility import ERROR, WARNING, Finding
 from tmc_vem.results.records import StepRecord
 from tmc_vem.simulation import RunOptions, prepare, recorder
+from tmc_vem.simulation.lowered import Lowered
 from tmc_vem.simulation.overlap import OverlapWatch, _Outline
 from tmc_vem.simulation.simulation import Simulation
 from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
@@ -50,7 +51,7 @@ def made(said: list[Any], **more: Any) -> Any:
         "recorder": SimpleNamespace(record="record", step_failed="failed", findings=[]),
         "monitor": SimpleNamespace(iterated=lambda *given: said.append(given)), "hints": ("odd", "doubtful"),
         "directory": SimpleNamespace(path=Path("a"), start=lambda *given: said.append(("start", *given))),
-        "comm": MPI.COMM_SELF, "command": {"a": 1}, "resume": False,
+        "comm": MPI.COMM_SELF, "command": {"a": 1}, "resume": False, "lowering": None,
     }  # fmt: skip
     return SimpleNamespace(**{**parts, **more})
 
@@ -62,7 +63,9 @@ def test_what_goes_along_the_path() -> None:
         SimpleNamespace(spend=lambda: said.append("spent")),
     )
     run = made(said)
-    stepper: Any = Simulation._stepper(run, stop, budget)  # type: ignore[arg-type]
+    stepper: Any
+    stepper, descents = Simulation._stepper(run, stop, budget)  # type: ignore[arg-type]
+    assert descents is None
     assert type(stepper) is LoadStepper
     assert (stepper.solver, stepper.options, stepper.on_step, stepper.path, stepper.on_failure) == (
         run.solver, run.stepping, "record", "path", "failed",
@@ -72,7 +75,7 @@ def test_what_goes_along_the_path() -> None:
     assert said == [(7, 0.5), "stop", "spent"]
     for largest, first in ((0.5, 0.01), (0.005, 0.005)):
         run = made(said, options=RunOptions(follow=True, largest_step=largest))
-        stepper = Simulation._stepper(run, stop, budget)  # type: ignore[arg-type]
+        stepper, _ = Simulation._stepper(run, stop, budget)  # type: ignore[arg-type]
         assert type(stepper) is ArcLengthStepper
         assert (stepper.options, stepper.on_step) == (ArcOptions(largest=largest, first=first), "record")
 
@@ -128,7 +131,7 @@ def test_the_result_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
         _snapshots=SimpleNamespace(directory=Path("a"), write=lambda *given: said.append(given)),
         _imbalance=lambda r, forces: 0.125,
         _between_the_points=lambda u: {"inverted_cells": {"m": 2}, "dense_min_j": {"m": -1.0}},
-        _units=lambda record: {"of": record.step},
+        _units=lambda record: {"of": record.step}, lowered=Lowered(failed_iterations=100), descending=None,
         contact=SimpleNamespace(traction=lambda *given: said.append(("traction", *given))),
     )  # fmt: skip
     outcome = SteppingResult(0.5, False, "why", 7, 11, None, 13, "PORD")
@@ -139,7 +142,7 @@ def test_the_result_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
         "imbalance": 0.125, "regulariser_energy": 9.0, "inverted_cells": {"m": 2}, "dense_min_j": {"m": -1.0},
         "inverted_from": 0.25, "energy_balance": {"lost": 1.0},
     }  # fmt: skip
-    assert (found.newton_iterations, found.cut_backs) == (2 * 8 + 7, 2 * 2 + 11)
+    assert (found.newton_iterations, found.cut_backs) == (2 * 8 + 7 + 100, 2 * 2 + 11)
     assert (found.errors, found.warnings, found.units) == (["b"], ["a", "c"], {"of": 2})
     assert found.parallel == {
         "ranks": 1, "work": {"cells": 3.0}, "solver": "direct", "ordering": "PORD", "linear_iterations": 13,

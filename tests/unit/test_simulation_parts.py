@@ -19,13 +19,13 @@ from tmc_vem.problems.base import medium_region
 from tmc_vem.simulation import checkpoint as checkpoints
 from tmc_vem.simulation import simulation
 from tmc_vem.simulation.balance import balance
-from tmc_vem.simulation.checkpoint import Checkpoint
+from tmc_vem.simulation.checkpoint import Checkpoint, require_same_inputs
 from tmc_vem.simulation.interrupt import Interrupted, StopRequest, stop_requests
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.plan import control_path, order_of, run_inputs, snapshot_times
 from tmc_vem.simulation.problem_file import _line
 from tmc_vem.simulation.provenance import versions
-from tmc_vem.simulation.recorder import _reported, _same_inputs
+from tmc_vem.simulation.recorder import _reported
 from tmc_vem.simulation.triangulated import Triangulated
 from tmc_vem.solve.path import load_path
 from tmc_vem.solve.stepping import SteppingOptions
@@ -106,7 +106,7 @@ def test_the_defaults_of_a_run() -> None:
     assert RunOptions() == RunOptions(
         method="vem", steps=None, largest_step=0.1, solver="direct", path=(0.0, 1.0), output_loads=(), continuation={},
         follow=False, allow_overlap=False, max_iterations=None, max_seconds=None, snapshots=10, triangulated=False,
-        fields="cauchy_stress,von_mises", checkpoint_every=1, overwrite=False,
+        fields="cauchy_stress,von_mises", checkpoint_every=1, overwrite=False, extrapolate_gamma=False, gamma_decades=2,
     )  # fmt: skip
     assert simulation.stepping_of(RunOptions(steps=7)) == SteppingOptions(
         steps=7, largest=0.1, first=0.01, smallest=1e-5
@@ -132,6 +132,9 @@ def test_inputs_that_a_run_records() -> None:
         "rule": "triangles", "interior_penalty": "full", "eta": 4.0, "load_steps": 5, "largest_step": 0.2,
         "load_path": [0.0, 2.0], "output_loads": [0.5], "continuation": {"gamma": 1e-3}, "allow_overlap": True,
     }  # fmt: skip
+    limit = RunOptions(extrapolate_gamma="path", gamma_decades=3)
+    assert run_inputs(BOX, limit) == {**problem, **METHOD, "extrapolate_gamma": "path", "gamma_decades": 3}
+    assert run_inputs(BOX, RunOptions(extrapolate_gamma=True))["extrapolate_gamma"] is True
     fem = RunOptions("fem", fem=FemSettings(3, 5, "penalty", 2.0, True), follow=True)
     assert run_inputs(BOX, fem) == {
         **problem, "method": "fem", "order": 3, "quadrature": 5, "interior_penalty": "penalty", "eta": 2.0,
@@ -331,6 +334,6 @@ def test_a_disk_that_is_full_is_said_with_what_is_left(tmp_path: Path, monkeypat
 
 
 def test_other_inputs_than_those_of_the_checkpoint_are_named() -> None:
-    _same_inputs({"a": [1, 2], "b": None}, {"a": (1, 2)})
+    require_same_inputs({"a": [1, 2], "b": None}, {"a": (1, 2)})
     with pytest.raises(InputError, match=r"^the checkpoint was made with b = 2, not None: start anew$"):
-        _same_inputs({"a": 1, "b": 2, "c": 3}, {"a": 1, "c": 4})
+        require_same_inputs({"a": 1, "b": 2, "c": 3}, {"a": 1, "c": 4})

@@ -10,7 +10,14 @@ import click
 from tmc_vem.cli.batch_command import batch_options, compare_study
 from tmc_vem.cli.compare_file import CompareGroup, three
 from tmc_vem.cli.field_options import Decorator, setting, with_options
-from tmc_vem.cli.shared_options import angle_medium_options, chosen_medium, medium_options, penalty_option
+from tmc_vem.cli.shared_options import (
+    angle_medium_options,
+    chosen_limit,
+    chosen_medium,
+    limit_options,
+    medium_options,
+    penalty_option,
+)
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.vem.spaces.element_settings import ElementSettings
@@ -36,7 +43,8 @@ def compare_group() -> None:
 def study_options(penalty: str) -> Decorator:
     """Options of discretisation and load stepping that all comparisons share; virtual elements are the paper's."""
     penalty_of_fem = penalty_option(penalty, before="fem:")
-    return with_options([setting(FemSettings, "order"), setting(RunOptions, "steps"), penalty_of_fem])
+    order, steps = setting(FemSettings, "order"), setting(RunOptions, "steps")
+    return with_options([order, steps, penalty_of_fem, *limit_options()])
 
 
 def factor_option(cells: str) -> Decorator:
@@ -141,9 +149,9 @@ def _factors(given: tuple[int, ...], quick: bool) -> tuple[int, ...]:
 
 
 def _methods(options: dict[str, Any]) -> dict[str, RunOptions]:
-    order, steps = options["order"], options["steps"]
+    order, steps, limit = options["order"], options["steps"], chosen_limit(options)
     fem = FemSettings(order=order, interior_penalty=options["interior_penalty"])
     return {
-        "vem": RunOptions("vem", element=ElementSettings(order), steps=steps),
-        "fem": RunOptions("fem", fem=fem, steps=steps),
+        "vem": RunOptions("vem", element=ElementSettings(order), steps=steps, **limit),
+        "fem": RunOptions("fem", fem=fem, steps=steps, **limit),
     }

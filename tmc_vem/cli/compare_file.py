@@ -10,7 +10,7 @@ import click
 from tmc_vem.cli.batch_command import batch_options, compare_study
 from tmc_vem.cli.field_options import setting, with_options
 from tmc_vem.cli.run_file import FileGroup
-from tmc_vem.cli.shared_options import change_option
+from tmc_vem.cli.shared_options import change_option, limit_options
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.support.assignments import parse_changes
 from tmc_vem.support.errors import InputError
@@ -67,6 +67,7 @@ def comparison_command(path: str) -> click.Command:
         setting(RunOptions, "steps", optional=True),
         setting(FemSettings, "interior_penalty", before="fem:", optional=True,
                 after="Default: that of the file, or penalty."),
+        *limit_options(),
     ]  # fmt: skip
     decorate = with_options([change_option(), size, *of_elements])
     decorated = batch_options(f"runs/compare-{Path(path).stem}")(decorate(compare))

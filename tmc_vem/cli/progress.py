@@ -20,6 +20,7 @@ from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation.monitor import Monitor
 
 SILENCE = 20.0  # seconds without a line
+DECADE = 0.11  # gamma is said again where it is a decade lower
 
 
 class ConsoleMonitor(Monitor):
@@ -33,6 +34,8 @@ class ConsoleMonitor(Monitor):
         self._last = ""
         self._shown = self._reached = 0.0
         self._spoke = time.monotonic()
+        self._lowered = 0.0  # gamma that was said last
+        self._below: int | None = None  # the step that it was lowered from
 
     def started(self, problem: Problem, n_cells: int, n_dofs: int) -> None:
         """Print what is solved and show the bar."""
@@ -71,6 +74,18 @@ class ConsoleMonitor(Monitor):
         elif record.coordinate >= self._shown + 0.1 - 1e-9:
             self._shown, self._spoke = record.coordinate, time.monotonic()
             self.console.print(f"load {record.load:.3f}, {self._last}{record.iterations} iterations", highlight=False)
+
+    def lowered(self, record: StepRecord) -> None:
+        """Say how far gamma is lowered."""
+        at = ", ".join(f"{name} {value:.2e}" for name, value in record.parameters.items())
+        gap = "" if record.gap is None else f"gap {record.gap:.4g}, "
+        value = next(iter(record.parameters.values()))
+        if self._progress:
+            self._progress.update(self._task, state=f"{at}, {gap}")
+        elif value <= self._lowered * DECADE or record.limit_of != self._below:
+            self._spoke, self._lowered, self._below = time.monotonic(), value, record.limit_of
+            text = f"load {record.load:.3f} with {at}, {gap}{record.iterations} iterations"
+            self.console.print(text, highlight=False)
 
     def aborted(self) -> None:
         """Remove the bar."""
@@ -113,6 +128,7 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
         ]
         if last.negative_pivots:
             rows.append(("unstable", f"{last.negative_pivots} negative pivots"))
+    rows += limit_rows(result)
     rows += conversions(result.inputs)
     if "alpha" in medium:
         made = f"alpha_r = {medium['alpha_r']:g} (alpha = {medium['alpha']:g}, h = {medium['h']:g})"
@@ -146,3 +162,17 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
         rows.append(("written to", str(result.directory)))
     rows += [("ERROR", text) for text in result.errors]
     return rows + [("warning", text) for text in result.warnings]
+
+
+def limit_rows(result: RunResult) -> list[tuple[str, str]]:
+    """Limits for gamma to 0, as far as they are given; warnings say why others are withheld."""
+    limit = result.limit
+    if limit is None:
+        return []
+    gammas = ", ".join(f"{gamma:.3g}" for gamma in limit.gammas)
+    rows = [("limit of gamma", f"from {gammas}, with {limit.newton_iterations} Newton iterations")]
+    for name, entry in limit.values.items():
+        ratio = "" if entry.ratio is None else f" (ratio {entry.ratio:.3f}, {limit.expected_ratio:.3f} in contact)"
+        unit = "" if entry.value is None else result.unit(name)
+        rows.append((f"limit, {name}", f"{entry} {unit}".rstrip() + ratio))
+    return rows

@@ -10,7 +10,7 @@ import click
 
 from tmc_vem.cli.field_options import Decorator, setting, with_options
 from tmc_vem.problems.materials import Medium
-from tmc_vem.simulation.options import RunOptions
+from tmc_vem.simulation.options import PATH, RunOptions
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.vem.spaces.element_settings import ElementSettings
@@ -133,8 +133,31 @@ def load_options(path: str | None, *, optional: bool = False) -> list[click.Opti
         ),
         setting(RunOptions, "continuation", multiple=True, metavar="NAME=VALUE", after=start),
         setting(RunOptions, "follow", optional=optional),
+        *limit_options(),
         setting(RunOptions, "allow_overlap", optional=optional),
     ]  # fmt: skip
+
+
+def limit_options() -> list[click.Option]:
+    """Options of the limit for gamma to 0; None unless they are given."""
+    after = "As --extrapolate-gamma path."
+    return [
+        setting(
+            RunOptions, "extrapolate_gamma", is_flag=False, flag_value="end", type=click.Choice(["end", PATH]),
+            default=None, show_default=False, after=after, callback=_limit,
+        ),
+        setting(RunOptions, "gamma_decades", optional=True, after="Default: 2."),
+    ]  # fmt: skip
+
+
+def chosen_limit(options: dict[str, Any]) -> dict[str, Any]:
+    """What was given of :func:`limit_options`, as arguments of :class:`tmc_vem.RunOptions`."""
+    return {name: options[name] for name in LIMIT if options.get(name) is not None}
+
+
+def _limit(_: click.Context, __: click.Parameter, given: str | bool | None) -> str | bool | None:
+    """``True`` or ``'path'``, which a resumed run gives itself, from the word of the command line."""
+    return True if given == "end" else given
 
 
 def file_options() -> list[click.Parameter]:
@@ -153,10 +176,11 @@ def file_options() -> list[click.Parameter]:
     ]
 
 
+LIMIT = ("extrapolate_gamma", "gamma_decades")
 # Options that a problem file decides unless they are given.
 DECIDED = (
     "method", "steps", "output_loads", "follow", "allow_overlap", "max_iterations", "max_seconds", "solver",
-    "checkpoint_every", "snapshots", "triangulated", "fields",
+    *LIMIT, "checkpoint_every", "snapshots", "triangulated", "fields",
 )  # fmt: skip
 # Of the element of either method; what the other one has is refused.
 OF_VEM = ("order", "degree", "quadrature", "projection", "rule", "interior_penalty", "eta")
@@ -197,6 +221,7 @@ def chosen_options(options: dict[str, Any]) -> RunOptions:
     )  # fmt: skip
     return RunOptions(
         **{name: options[name] for name in same},
+        **chosen_limit(options),
         **method_settings(options),
         path=parse_path(options["path"]),
         continuation=parse_parameters(options["continuation"], "--continuation"),

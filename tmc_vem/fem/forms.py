@@ -17,6 +17,7 @@ from codegen.integrand import Integrand
 from tmc_vem.fem import compat
 from tmc_vem.fem.expressions import density, facet_energy, facet_width
 from tmc_vem.fem.mesh import FemMesh
+from tmc_vem.system.control import parameter_of
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.graded import Graded
 from tmc_vem.system.interior_penalty import require_weights
@@ -51,7 +52,7 @@ class Forms:
         tangent: second derivative.
         residual_of: the residual of some of this rank's cells (n,) alone, without facets. It differs from ``residual``
             in the cells that are marked only, so that the same compiled code computes it.
-        set_parameters: changes parameters, by name, in every energy that has them.
+        set_parameters: changes parameters, by name, in every energy that has them, or in that of one region.
     """
 
     cells: Any
@@ -130,9 +131,10 @@ def _parameters(
                 setattr(parameters[name], key, getattr(parameters[name], key) * varying)
 
     def change(wanted: Mapping[str, float]) -> None:
-        for position, (_, key) in enumerate(keys):
-            if key in wanted:
-                numbers[position] = wanted[key]
+        for position, (name, key) in enumerate(keys):
+            for known in (key, parameter_of(name, key)):
+                if known in wanted:
+                    numbers[position] = wanted[known]
 
     return parameters, factor, change
 

@@ -27,7 +27,7 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constrained import Constrained
 from tmc_vem.system.constraints import Condition, Pair
-from tmc_vem.system.control import Control
+from tmc_vem.system.control import Control, parameter_of
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.fields import Polygons
@@ -133,10 +133,11 @@ class FemSystem(Unloaded):
         return self._constrained.per_load(position)
 
     def set_parameters(self, values: Mapping[str, float]) -> None:
-        """Change parameters, by name, in every energy that has them."""
+        """Change parameters, by name, in every energy that has them, or as ``<region>.<name>`` in one."""
         self.forms.set_parameters(values)
-        for own in self._values.values():
-            own.update({name: value for name, value in values.items() if name in own})
+        for region, own in self._values.items():
+            names = {known: name for name in own for known in (name, parameter_of(region, name))}
+            own.update({names[known]: value for known, value in values.items() if known in names})
 
     def energy(self, u: Vec) -> Evaluation:
         """Potential at ``u``."""

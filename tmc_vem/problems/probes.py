@@ -22,7 +22,7 @@ AXES = {"x": 0, "y": 1}
 GAP = "gap"
 # Columns of the history that are no probes, and what the names of others begin with.
 RESERVED = ("step", "load", "displacement", "reaction", "iterations", "cut_backs", "wasted_iterations",
-            "negative_pivots", "jumped", "seconds", "time", "load_force", "load_work")  # fmt: skip
+            "negative_pivots", "jumped", "seconds", "time", "load_force", "load_work", "limit_of")  # fmt: skip
 RESERVED_STARTS = ("min_j_", "energy_", "parameter_")
 _NAME = re.compile(r"[^\W\d][\w-]*")
 

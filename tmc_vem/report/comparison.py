@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from tmc_vem.report import cautions, plots, tables
+from tmc_vem.report.limits import WITHHELD, limit_names
 from tmc_vem.report.page import Block, Entry, Page, Picture, Section, Table, Text, picture
 from tmc_vem.report.panels import draw_panels
 from tmc_vem.report.richardson import Extrapolation
@@ -159,6 +160,11 @@ def _summary(c: Comparison) -> list[Block]:
             tables.with_unit(probe, finest, probe),
             [run.reported.get(probe) if run.complete else None for run in finest.values()],
         )
+    for quantity in limit_names(finest):
+        values, shown = zip(*(_limit_cell(run, quantity) for run in finest.values()), strict=True)
+        difference = relative(values[0], values[1]) if len(values) == 2 else None
+        label = tables.with_unit(f"{quantity}, limit of gamma", finest, quantity)
+        rows.append([label, *shown, percent(difference), "–"])
     regions = tables.region_names_of(finest)
     row("smallest gap in contact", [run.checks.get("smallest_gap") for run in finest.values()])
     for region in regions:
@@ -180,6 +186,15 @@ def _summary(c: Comparison) -> list[Block]:
         ]
         blocks.append(Table("The paper's values.", ("paper", "gap", "ours, mesh-converged, relative to it"), entries))
     return blocks
+
+
+def _limit_cell(run: RunResult, quantity: str) -> tuple[float | None, str | Entry]:
+    """Limit for gamma to 0 of a run that has one, and what is shown of it."""
+    entry = run.limit.values.get(quantity) if run.limit else None
+    if entry is None:
+        return None, "–"
+    shown: str | Entry = str(entry) if entry.value is not None else Entry(WITHHELD, entry.reason or "", "suspect")
+    return entry.value, shown
 
 
 def _paper_cell(value: tuple[float | None, str] | None) -> str | Entry:
@@ -209,7 +224,20 @@ def _convergence(c: Comparison) -> list[Block]:
         blocks.append(Table(QUANTITY_NOTES[quantity], head, rows))
         if c.reference(quantity):
             blocks.append(_errors(c, quantity))
-    return blocks
+    return blocks + _limits(c, meshes)
+
+
+def _limits(c: Comparison, meshes: Sequence[str]) -> list[Block]:
+    """A table of the limits for gamma to 0 on every mesh, if they were asked for."""
+    columns = [(method, quantity) for method in c.methods for quantity in limit_names(method.runs)]
+    if not columns:
+        return []
+    rows: list[list[str | Entry]] = [
+        [mesh, *(_limit_cell(m.runs[mesh], quantity)[1] if mesh in m.runs else "–" for m, quantity in columns)]
+        for mesh in meshes
+    ]
+    head = ["mesh", *(f"{method.name} {quantity}" for method, quantity in columns)]
+    return [Table("Limits for gamma to 0 at full load, without the error of the mesh.", head, rows)]
 
 
 def _errors(c: Comparison, quantity: str) -> Picture:

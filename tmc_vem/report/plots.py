@@ -27,7 +27,8 @@ Runs = Mapping[str, RunResult]
 Value = Callable[[StepRecord, RunResult], float | None]
 
 
-def _figure(columns: int = 1, height: float = 3.6, width: float = 10.0) -> tuple[Any, list[Any]]:
+def axes_of(columns: int = 1, height: float = 3.6, width: float = 10.0) -> tuple[Any, list[Any]]:
+    """A figure with axes beside one another."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -73,7 +74,7 @@ def _abscissa(runs: Runs) -> str:
 def gap_and_reaction(runs: Runs) -> Any:
     """Gap and reaction during loading."""
     has_gap = any(record.gap is not None for run in runs.values() for record in run.history)
-    figure, axes = _figure(2 if has_gap else 1)
+    figure, axes = axes_of(2 if has_gap else 1)
     if has_gap:
         against_load(axes[0], runs, lambda record, _: record.gap, with_unit("gap", runs, GAP))
         axes[0].set_yscale("log")
@@ -88,7 +89,7 @@ def probe_pictures(runs: Runs) -> list[Picture]:
     names, pictures = probes_of(runs), []
     for first in range(0, len(names), PANELS):
         some = names[first : first + PANELS]
-        figure, axes = _figure(len(some), height=3.2, width=10.0 if len(some) > 1 else 5.5)
+        figure, axes = axes_of(len(some), height=3.2, width=10.0 if len(some) > 1 else 5.5)
         for one, name in zip(axes, some, strict=True):
             against_load(one, runs, _probe(name), with_unit(name, runs, name))
             one.set_xlabel("")
@@ -105,7 +106,7 @@ def _probe(name: str) -> Value:
 
 def smallest_j(runs: Runs) -> Any:
     """Smallest J of solid and medium during loading."""
-    figure, axes = _figure(2)
+    figure, axes = axes_of(2)
     against_load(axes[0], runs, lambda record, run: _least(record, run, medium=True), "smallest J, third medium")
     against_load(axes[1], runs, lambda record, run: _least(record, run, medium=False), "smallest J, solids")
     axes[0].set_yscale("log")
@@ -119,7 +120,7 @@ def _least(record: StepRecord, run: RunResult, *, medium: bool) -> float | None:
 
 def energy_split(runs: Runs) -> Any:
     """Energies of the regions during loading."""
-    figure, axes = _figure(2)
+    figure, axes = axes_of(2)
     against_load(axes[0], runs, lambda record, run: _energy(record, run, medium=False), "energy of the solids")
     against_load(axes[1], runs, lambda record, run: _energy(record, run, medium=True), "energy of the third medium")
     axes[0].legend(fontsize=8, frameon=False)
@@ -132,7 +133,7 @@ def _energy(record: StepRecord, run: RunResult, *, medium: bool) -> float:
 
 def newton_iterations(runs: Runs) -> Any:
     """Newton iterations of each load step, those of failed attempts on top."""
-    figure, axes = _figure(max(len(runs), 1), height=2.9)
+    figure, axes = axes_of(max(len(runs), 1), height=2.9)
     failed = any(record.wasted_iterations for run in runs.values() for record in run.history)
     for one, (name, run) in zip(axes, runs.items(), strict=False):
         steps = [record.step for record in run.history]
@@ -164,7 +165,7 @@ def convergence(
         floors: by name, relative uncertainty of what the error is measured against, drawn as a line; errors below it do
             not count for the rate.
     """
-    figure, axes = _figure(2)
+    figure, axes = axes_of(2)
     for one, column, what in zip(axes, (0, 1), ("degrees of freedom", "time of the run in s"), strict=True):
         for n, (name, points) in enumerate(series.items()):
             usable = sorted((p[column], p[2]) for p in points if p[2] > 0.0)
@@ -200,7 +201,7 @@ def final_values(
     headings, pictures = list(lines), []
     for first in range(0, len(headings), PANELS):
         some = headings[first : first + PANELS]
-        figure, axes = _figure(len(some), height=3.2, width=10.0 if len(some) > 1 else 5.5)
+        figure, axes = axes_of(len(some), height=3.2, width=10.0 if len(some) > 1 else 5.5)
         for one, heading in zip(axes, some, strict=True):
             for n, (line, points) in enumerate(lines[heading].items()):
                 mark = MARKS[n % len(MARKS)]

@@ -8,6 +8,7 @@ from tmc_vem.report import cautions, plots, tables
 from tmc_vem.report.contact_figure import contact_of
 from tmc_vem.report.contact_tables import contact_tables
 from tmc_vem.report.field_figure import Shown, field_figure
+from tmc_vem.report.limits import limit_blocks
 from tmc_vem.report.page import Block, Page, Section, Table, Text, picture
 from tmc_vem.report.panels import draw_panels
 from tmc_vem.results.run_result import RunResult
@@ -43,6 +44,7 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4, show
                 "Result",
                 [tables.final_state(runs), *tables.measured(runs), *tables.energy_in_jumps(runs), warnings],
             ),
+            *([Section("Limit for gamma to 0", limit_blocks(name, result))] if result.limit else []),
             *([Section("Deformed states", [_states(result, quantity, n_states)])] if result.history else []),
             *_contact(result),
             *([Section("Field", [_field(result, shown)])] if result.history else []),

@@ -14,6 +14,7 @@ from typing import Any
 
 from tmc_vem.results.contact.contact import Overlap
 from tmc_vem.results.energy_balance import energy_balance
+from tmc_vem.results.limit import GammaLimit
 from tmc_vem.results.records import StepRecord, is_spring
 
 ERROR, WARNING = "error", "warning"
@@ -177,7 +178,8 @@ def medium_in_contact(evidence: Evidence) -> Iterable[Finding]:
         yield Finding(
             WARNING,
             f"{_percent(min(share, 1.0))} of the final reaction squeezes the medium and not the bodies (more than "
-            f"{MEDIUM_REACTION:.0%} counts; it is off by about as much): use a smaller gamma or alpha_r",
+            f"{MEDIUM_REACTION:.0%} counts; it is off by about as much): use a smaller gamma or alpha_r, "
+            "or cite the limit that extrapolate_gamma gives",
         )
 
 
@@ -232,6 +234,19 @@ def large_gamma(evidence: Evidence) -> Iterable[Finding]:
                 WARNING,
                 f"gamma = {value:g} is above {LARGE_GAMMA:g}: the medium acts as a body of its own; use 1e-3 or less",
             )
+
+
+def limit_findings(limit: GammaLimit) -> list[Finding]:
+    """Limits for gamma to 0 that are withheld, those with the same reason together."""
+    by_reason: dict[str, list[str]] = {}
+    for name, reason in limit.withheld.items():
+        by_reason.setdefault(reason, []).append(name)
+    found = []
+    for reason, names in by_reason.items():
+        more = f" and {len(names) - FEW} more" if len(names) > FEW else ""
+        text = f"no limit for gamma to 0 of {', '.join(names[:FEW])}{more}: {reason}"
+        found.append(Finding(WARNING, text))
+    return found
 
 
 # the order is that of their weight

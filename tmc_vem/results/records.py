@@ -19,7 +19,7 @@ from tmc_vem.results.unfinished import BEGUN, CHECKPOINT, COMMAND
 
 # Schema of run directories that is written, and the oldest that is read. A new entry with a default in ``read`` or
 # ``from_row`` leaves both alone; a changed meaning raises both.
-SCHEMA, OLDEST = 1, 1
+SCHEMA, OLDEST = 2, 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
 PROBLEM = "problem.toml"  # of a run whose problem came from tables
 # tractions: the table of the last step, and of all snapshots the folder and the collection of their lines
@@ -27,6 +27,7 @@ CONTACT_TABLE, CONTACT_FOLDER, CONTACT_LINES = "contact.csv", "contact", "contac
 TRIANGULATED = "triangulated"  # fields cut into triangles: the collection, and what their files begin with
 # groups of values in a record, and what their columns begin with
 _GROUPS = {"min_j": "min_j_", "energy": "energy_", "parameters": "parameter_"}
+_OPTIONAL = ("load_work", "limit_of")  # columns that not every run has
 OF = "."  # between a load and a quantity of it
 CONTACT = "contact" + OF  # what the columns of contact begin with; then comes a body or a pair, and a quantity
 # What is said of a load that is shown, and not in the files alone; of springs, what has no pair.
@@ -65,6 +66,8 @@ class StepRecord:
         forces: what is reported of loads and springs by their names, see :mod:`tmc_vem.problems.columns`.
         contact: forces of the medium on bodies, and contact of pairs of outlines, by their names, see
             :mod:`tmc_vem.results.contact.pairs`; what is not known in a state is left out.
+        limit_of: number of the load step from which gamma was lowered to this state, at the same load; None, and no
+            column, for the load steps themselves.
     """
 
     step: int
@@ -86,6 +89,7 @@ class StepRecord:
     load_work: float | None = None
     forces: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     contact: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    limit_of: int | None = None
 
     @property
     def coordinate(self) -> float:
@@ -117,7 +121,7 @@ class StepRecord:
         """
         flat: dict[str, Any] = {}
         for name, value in asdict(self).items():
-            if name not in (*_GROUPS, "forces", "contact") and not (name == "load_work" and value is None):
+            if name not in (*_GROUPS, "forces", "contact") and not (name in _OPTIONAL and value is None):
                 flat |= value if name == "probes" else {name: value}
         for name, prefix in _GROUPS.items():
             flat |= {prefix + key: value for key, value in getattr(self, name).items()}
@@ -167,6 +171,7 @@ class StepRecord:
             load_work=float(row["load_work"]) if row.get("load_work") else None,
             forces=forces,
             contact=contact,
+            limit_of=int(row["limit_of"]) if row.get("limit_of") else None,
         )
 
     @staticmethod
@@ -180,7 +185,7 @@ class StepRecord:
 COLUMNS = tuple(
     entry.name
     for entry in fields(StepRecord)
-    if entry.name not in ("probes", "load_work", "forces", "contact", *_GROUPS)
+    if entry.name not in ("probes", "forces", "contact", *_OPTIONAL, *_GROUPS)
 )
 
 

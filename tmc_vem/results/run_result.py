@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tmc_vem.results.contact.curves import ContactCurves
+from tmc_vem.results.limit import GammaLimit
 from tmc_vem.results.records import HISTORY, OLDEST, RESULT, SCHEMA, StepRecord, finite, heading
 from tmc_vem.results.unfinished import unfinished
 from tmc_vem.support.errors import InputError
@@ -43,6 +44,8 @@ class RunResult:
         directory: where the run was written, or None.
         curves: tractions of the last step, if any solid is in medium; :meth:`traction` reads them from directories too.
         cut_short: a limit on work has ended the run, so that it can be resumed.
+        limit: limits for gamma to 0 of everything that is reported, if they were asked for.
+        lowered: states beside the load steps, with lower gamma at the load of step ``limit_of``.
         unfinished: 'running', 'interrupted' or 'unknown' for a run that has no result yet, or never will. Its sizes are
             0 where they are not known.
     """
@@ -69,6 +72,8 @@ class RunResult:
     unfinished: str = ""
     media: Sequence[str] = ()
     curves: ContactCurves | None = field(default=None, repr=False, compare=False)
+    limit: GammaLimit | None = None
+    lowered: Sequence[StepRecord] = field(default=(), repr=False)
 
     @property
     def state(self) -> str:
@@ -186,6 +191,7 @@ class RunResult:
             "steps": self.steps,
             "newton_iterations": self.newton_iterations,
             "cut_backs": self.cut_backs,
+            "limit": None if self.limit is None else self.limit.as_dict(),
             "negative_pivots": last.negative_pivots if last else None,
             "projection_degrees": dict(self.projection_degrees),
             "checks": dict(self.checks),
@@ -212,12 +218,14 @@ class RunResult:
         try:
             data, has_result = _result_of(path)
             columns = {heading(name, unit): name for name, unit in data.get("units", {}).items()}
-            history = _history(path, columns, whole=has_result)
+            rows = _history(path, columns, whole=has_result)
+            history = [row for row in rows if row.limit_of is None]
+            lowered = tuple(row for row in rows if row.limit_of is not None)
             steps = data.get("steps", len(history))
             if has_result and len(history) != steps:
                 raise ValueError(f"{HISTORY} has {len(history)} of {steps} steps")
             if not has_result:
-                data |= _totals(history)
+                data |= _totals(history, lowered)
             names = ("inputs", "versions", "complete", "reason", "load", "n_cells", "n_dofs", "newton_iterations",
                      "cut_backs", "projection_degrees", "seconds")  # fmt: skip
             if data.get("media") is None:
@@ -226,7 +234,9 @@ class RunResult:
             optional = ("checks", "parallel", "errors", "warnings", "units", "cut_short", "unfinished", "media")
             later = {name: data[name] for name in optional if name in data}
             _check_types({name: data[name] for name in (*names, *later)})
-            return RunResult(**{name: data[name] for name in names}, history=history, directory=path, **later)
+            limit = None if data.get("limit") is None else GammaLimit.from_dict(data["limit"])
+            plain = {name: data[name] for name in names}
+            return RunResult(**plain, history=history, directory=path, limit=limit, lowered=lowered, **later)
         except OSError as error:
             raise InputError(f"{path} is not a run directory: {error.strerror} ({error.filename})") from None
         except KeyError as error:
@@ -272,12 +282,12 @@ def _history(path: Path, columns: Mapping[str, str], *, whole: bool) -> list[Ste
     return [StepRecord.from_row(row) for row in rows]
 
 
-def _totals(history: Sequence[StepRecord]) -> dict[str, Any]:
+def _totals(history: Sequence[StepRecord], lowered: Sequence[StepRecord]) -> dict[str, Any]:
     """What the steps so far say about the run."""
     last = history[-1] if history else None
     return {
         "load": last.load if last else 0.0,
-        "newton_iterations": sum(record.iterations + record.wasted_iterations for record in history),
+        "newton_iterations": sum(record.iterations + record.wasted_iterations for record in (*history, *lowered)),
         "cut_backs": sum(record.cut_backs for record in history),
         "seconds": {"total": last.seconds if last else 0.0},
     }

@@ -148,6 +148,20 @@ class Checkpoint:
         return digest.hexdigest()
 
 
+def require_same_inputs(before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+    """Check that a checkpoint was made with the same inputs.
+
+    Raises:
+        InputError: one differs; the message names it.
+    """
+    plain = json.loads(json.dumps(now))
+    for name in sorted({*before, *plain}):
+        if before.get(name) != plain.get(name):
+            raise InputError(
+                f"the checkpoint was made with {name} = {before.get(name)}, not {plain.get(name)}: start anew"
+            )
+
+
 def _parts_of(path: Path) -> list[str]:
     """Names of the parts of a checkpoint, as far as it can be read."""
     try:

@@ -31,6 +31,9 @@ class Monitor:
     def stepped(self, record: StepRecord) -> None:
         """A load step has converged."""
 
+    def lowered(self, record: StepRecord) -> None:
+        """A state with lower gamma has converged beside the last load step."""
+
     def aborted(self) -> None:
         """The run stops with an error."""
 

@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.settings import about, described
-from tmc_vem.support.validation import check_fields, require_finite, require_known, require_positive
+from tmc_vem.support.validation import check_fields, require_finite, require_known, require_positive, shown
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.tensors import DEFAULT, require_fields
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 METHODS = ("vem", "fem")
 CONTINUED = ("gamma", "alpha_r")
+PATH = "path"  # of extrapolate_gamma: at loads along the path as well
 
 
 @described
@@ -70,6 +71,17 @@ class RunOptions:
             "Follow the branch through limit points, where the load goes back, instead of jumping to another.",
             detail="It is followed by its length.",
         ),
+    )
+    extrapolate_gamma: bool | str = field(
+        default=False,
+        metadata=about(
+            "Lower gamma at the last load, and give the limit of everything that is reported for gamma to 0, with its "
+            "uncertainty; with 'path' also at loads along the path.",
+            detail="True, or 'path'. What the run reports otherwise is that of its own gamma, as without this.",
+        ),
+    )
+    gamma_decades: int = field(
+        default=2, metadata=about("By how many decades gamma is lowered for its limit, from 2 to 6.")
     )
     allow_overlap: bool = field(
         default=False,
@@ -129,6 +141,10 @@ class RunOptions:
                 high = max(high, load)
             if not low <= load <= high:
                 raise InputError(f"output load {load:g} is not on the load path, which goes from {low:g} to {high:g}")
+        if self.extrapolate_gamma not in (True, False, PATH):
+            raise InputError(f"extrapolate_gamma = {shown(self.extrapolate_gamma)}: use true, false or '{PATH}'")
+        if not 2 <= self.gamma_decades <= 6:
+            raise InputError(f"gamma_decades = {self.gamma_decades}: use 2 to 6")
         require_known(self.continuation, CONTINUED, "continuation")
         for name, value in self.continuation.items():
             require_positive(f"continuation from {name}", value, "it is where the parameter starts from")

@@ -8,7 +8,8 @@ each other"). A state in which solids overlap is no equilibrium of the problem t
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -134,6 +135,15 @@ class OverlapWatch:
         """Know what has been seen in the steps of a run that is resumed."""
         self.is_active = any(record.min_j[name] < SQUEEZED for record in history for name in self._media)
         self.crossed = any(record.gap is not None and record.gap < 0.0 for record in history)
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """For states beside the path: afterwards nothing is known of them."""
+        seen = self.is_active, self.crossed
+        try:
+            yield
+        finally:
+            self.is_active, self.crossed = seen
 
     def behind(self, u: Vec, origins: Sequence[Float], places: Sequence[Float]) -> bool:
         """Whether the second of two points is behind the surface of the first one, where surfaces have crossed.

@@ -123,4 +123,6 @@ def _method_inputs(options: RunOptions) -> Mapping[str, Any]:
         **({"continuation": dict(options.continuation)} if options.continuation else {}),
         **({"follow": True} if options.follow else {}),
         **({"allow_overlap": True} if options.allow_overlap else {}),
+        **({"extrapolate_gamma": options.extrapolate_gamma} if options.extrapolate_gamma else {}),
+        **({"gamma_decades": options.gamma_decades} if options.gamma_decades != RunOptions.gamma_decades else {}),
     }

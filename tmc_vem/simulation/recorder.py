@@ -6,7 +6,7 @@ import functools
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -21,15 +21,17 @@ from tmc_vem.results.contact.curves import ContactCurves
 from tmc_vem.results.contact_files import collect, write_last, write_snapshot
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.energy_balance import energy_balance
+from tmc_vem.results.limit import Lowering, limit_at_end
 from tmc_vem.results.output import SnapshotWriter, gather_fields
-from tmc_vem.results.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of
+from tmc_vem.results.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of, limit_findings
 from tmc_vem.results.records import OF, PICTURE, StepRecord
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import how_to_go_on
 from tmc_vem.simulation.balance import balance
-from tmc_vem.simulation.checkpoint import DURABLE, Checkpoint
+from tmc_vem.simulation.checkpoint import DURABLE, Checkpoint, require_same_inputs
 from tmc_vem.simulation.contact_gauge import ContactGauge
 from tmc_vem.simulation.gauge import Gauge
+from tmc_vem.simulation.lowered import Descending, Lowered, states_of, stepper_state
 from tmc_vem.simulation.measured import LoadGauge, Reading
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.overlap import OverlapWatch
@@ -81,6 +83,9 @@ class Recorder:
         media = {name: problem.regions()[name].integrand for name in media_of(problem)}
         self.contact = ContactGauge(system, media, int(inputs["order"]))
         self._read: Reading | None = None
+        self._main: tuple[States, StepperState] | None = None  # from which the load path goes on
+        self.lowered = Lowered()
+        self.descending: Descending | None = None
         self._inverted: dict[str, Any] = {}
         self.history: list[StepRecord] = []
         self._plain_history: list[dict[str, Any]] = []
@@ -102,16 +107,58 @@ class Recorder:
 
     def record(self, step: Step, states: States, position: StepperState) -> None:
         """Record a converged step; called on all ranks."""
-        u, residual = states.vectors[-1], step.newton.residual
+        u = states.vectors[-1]
+        self._main = states, position
+        with self.timer("tables"):
+            record, self._read = self._measure(step, u)
+            self._add_to_history(record)
+        if self._snapshots is not None:
+            with self.timer("snapshots"), _reported(self._snapshots.directory):
+                if self._snapshots.offer(step.number, step.time, u):
+                    assert step.newton.residual is not None  # it has converged
+                    self._write_contact(step.number, self.contact.curves(u, step.newton.residual))
+        if self._every and step.number % self._every == 0:
+            self._write_checkpoint()
+        self.monitor.stepped(record)
+
+    def record_lowered(self, step: Step, states: States, position: StepperState) -> None:
+        """Record a state with lower gamma beside the last load step; called on all ranks."""
+        start = self.history[-1]
+        with self.timer("tables"):
+            record, _ = self._measure(step, states.vectors[-1])
+            record = replace(record, time=start.time, limit_of=start.step)
+        before = self.descending.records if self.descending is not None else []
+        self.descending = Descending(start.step, [*before, record], states, position)
+        if self._every and step.number % self._every == 0:
+            self._write_checkpoint()
+        self.monitor.lowered(record)
+
+    def end_descent(self, why: str, iterations: int = 0) -> None:
+        """The descent from the last load step has ended; called on all ranks.
+
+        Args:
+            why: it did not go further; empty if it went to its end.
+            iterations: of Newton's method in vain since its last state.
+        """
+        records = self.descending.records if self.descending is not None else []
+        self.lowered.end(self.history[-1].step, records, why, iterations)
+        self.descending = None
+        if self.directory is not None and records:
+            self._rewrite_history(self.directory)
+        if self._every:
+            self._write_checkpoint()
+
+    def _measure(self, step: Step, u: Vec) -> tuple[StepRecord, Reading]:
+        """What is recorded of a converged state, which follows the last load step."""
+        residual = step.newton.residual
         assert residual is not None  # it has converged
         regions = step.newton.evaluation.regions
         with self.timer("contact"):
             traction = self.contact.traction(u, residual)
             contact = self.contact.measured(traction)
-        with self.timer("tables"):
-            reading = self.loads.read(u, residual, step.control, self._read)
-            self._read = reading
-            record = StepRecord(
+        reading = self.loads.read(u, residual, step.control, self._read)
+        return (
+            StepRecord(
                 step=step.number,
                 load=step.load,
                 displacement=reading.displacement,
@@ -131,16 +178,9 @@ class Recorder:
                 load_work=reading.work,
                 forces=reading.loads,
                 contact=contact,
-            )
-            self._add_to_history(record)
-        if self._snapshots is not None:
-            with self.timer("snapshots"), _reported(self._snapshots.directory):
-                if self._snapshots.offer(step.number, step.time, u):
-                    self._write_contact(step.number, self.contact.curves(u, residual))
-        if self._every and step.number % self._every == 0:
-            with self.timer("checkpoints"):
-                self._write_checkpoint(states, position)
-        self.monitor.stepped(record)
+            ),
+            reading,
+        )
 
     def _add_to_history(self, record: StepRecord) -> None:
         self.history.append(record)
@@ -148,16 +188,22 @@ class Recorder:
         if self.directory is None:
             return
         directory = self.directory
+        if self.lowered.records or self.history[0].as_row().keys() != record.as_row().keys():
+            self._rewrite_history(directory)
+            return
         with _reported(directory.path):
-            same = self.history[0].as_row().keys() == record.as_row().keys()
-            on_root(
-                self.system.comm,
-                lambda: (
-                    directory.add_step(record, self._headings(record))
-                    if same
-                    else directory.rewrite_history(self.history, self._headings(record))
-                ),
-            )
+            on_root(self.system.comm, lambda: directory.add_step(record, self._headings(record)))
+
+    def _rewrite_history(self, directory: RunDirectory) -> None:
+        """Write history.csv anew: load steps, each followed by what was recorded with lower gamma beside it."""
+        rows: list[StepRecord] = []
+        for record in self.history:
+            rows += [record, *self.lowered.of(record.step)]
+        units = {
+            name: unit for record in rows[-1:] + self.history[-1:] for name, unit in self._headings(record).items()
+        }
+        with _reported(directory.path):
+            on_root(self.system.comm, lambda: directory.rewrite_history(rows, units))
 
     def restore(self, u: Vec) -> tuple[States, StepperState]:
         """Go on from the last checkpoint of the run directory: fill ``u``; the last states and the position.
@@ -168,21 +214,25 @@ class Recorder:
         assert self.directory is not None
         checkpoint = Checkpoint.read(self.directory.path)
         facts = checkpoint.facts
-        _same_inputs(facts["inputs"], self.inputs)
-        states = States(u)
+        require_same_inputs(facts["inputs"], self.inputs)
         values = checkpoint.values_at(self._node_labels)
         n_states = len(facts["controls"])
-        self.system.remember(facts.get("stage", 0), [kept_ni.ravel() for kept_ni in values[n_states:]])
-        for control, state_ni in zip(facts["controls"], values[:n_states], strict=True):
-            u.getArray()[:] = state_ni.ravel()
-            states.append(np.array(control), u)
+        below = facts.get("descending")
+        n_below = len(below["controls"]) if below else 0
+        first = len(values) - n_below
+        self.system.remember(facts.get("stage", 0), [kept_ni.ravel() for kept_ni in values[n_states:first]])
+        if below:
+            found = states_of(values[first:], below["controls"], u)
+            entries = [StepRecord.from_plain(entry) for entry in below["records"]]
+            self.descending = Descending(below["start"], entries, found, stepper_state(below["position"]))
+        if "lowered" in facts:
+            self.lowered = Lowered.from_facts(facts["lowered"])
+        states = states_of(values[:n_states], facts["controls"], u)
         self.history = [StepRecord.from_plain(entry) for entry in facts["history"]]
         self._plain_history = [asdict(record) for record in self.history]
         self.watch.go_on(self.history)
         self._seconds_before = self.history[-1].seconds if self.history else 0.0
-        if self._on_root:
-            units = self._headings(self.history[-1]) if self.history else {}
-            self.directory.rewrite_history(self.history, units)
+        self._rewrite_history(self.directory)
         if self._snapshots is not None:
             snapshots = self._snapshots
             snapshots.restore(facts["snapshots"])
@@ -190,9 +240,8 @@ class Recorder:
                 on_root(self.system.comm, lambda: collect(snapshots.directory, snapshots.entries))
         if self.history:
             self._read = self._read_again(u)
-        position = dict(facts["position"])
-        position["stiffer"] = tuple(tuple(pair) for pair in position["stiffer"])
-        return states, StepperState(**position)
+        self._main = states, stepper_state(facts["position"])
+        return self._main
 
     def _read_again(self, u: Vec) -> Reading:
         """The loads at the last state, from which work is summed on."""
@@ -225,7 +274,10 @@ class Recorder:
             with _reported(directory.path):
                 on_root(self.system.comm, lambda: directory.begin({**self._facts, "units": units}, locked=locked))
 
-    def finish(self, outcome: SteppingResult, u: Vec, solver: str, *, cut_short: bool = False) -> RunResult:
+    def finish(
+        self, outcome: SteppingResult, u: Vec, solver: str, *, cut_short: bool = False,
+        lowering: Lowering | None = None, along_path: bool = False,
+    ) -> RunResult:  # fmt: skip
         """Check the last state, draw it and write result.json.
 
         The check for interpenetration and the picture need the whole state on rank 0.
@@ -235,6 +287,8 @@ class Recorder:
             u: the last converged state.
             solver: name of the linear solver.
             cut_short: a limit on work has ended the stepping.
+            lowering: how gamma was lowered, if it was.
+            along_path: whether limits along the path are wanted.
         """
         residual = self.system.create_vector()
         with self.timer("check"):
@@ -267,13 +321,24 @@ class Recorder:
         linear = {"solver": solver, "ordering": outcome.ordering, "linear_iterations": outcome.linear_iterations}
         media = media_of(self.problem)
         evidence = Evidence(self.inputs, history, checks, media, self.system.size, outcome.complete)
-        findings = by_weight([*findings_of(evidence), *self.findings])
+        doubts = findings_of(evidence)
+        limit, effort = None, self.lowered.iterations(self.descending)
+        if lowering is not None:
+            wrong = next((finding.text for finding in doubts if finding.severity == ERROR), "")
+            lowered, done = self.lowered.records, self.lowered.done
+            limit = limit_at_end(
+                lowering, history, lowered, done, along_path=along_path, doubt=wrong, newton_iterations=effort
+            )
+            doubts += limit_findings(limit)
+        findings = by_weight([*doubts, *self.findings])
         result = RunResult(
             **self._facts,
             complete=outcome.complete,
             reason=outcome.reason,
             load=outcome.load,
-            newton_iterations=sum(r.iterations + r.wasted_iterations for r in history) + outcome.failed_iterations,
+            newton_iterations=sum(r.iterations + r.wasted_iterations for r in history)
+            + outcome.failed_iterations
+            + effort,
             cut_backs=sum(r.cut_backs for r in history) + outcome.failed_attempts,
             checks=checks,
             parallel=balance(self.system.comm, self.system.work()) | linear,
@@ -285,6 +350,8 @@ class Recorder:
             units=self._units(history[-1]) if history else {},
             cut_short=cut_short and not outcome.complete,
             curves=curves,
+            limit=limit,
+            lowered=tuple(self.lowered.records),
         )
         if self.directory is not None:
             directory = self.directory
@@ -374,9 +441,15 @@ class Recorder:
     def _node_labels(self) -> Float:
         return self.system.node_labels()
 
-    def _write_checkpoint(self, states: States, position: StepperState) -> None:
+    def _write_checkpoint(self) -> None:
         """Each rank writes its own nodes; only names and checksums travel to rank 0."""
+        with self.timer("checkpoints"):
+            self._write_states()
+
+    def _write_states(self) -> None:
         assert self.directory is not None
+        assert self._main is not None
+        (states, position), below = self._main, self.descending
         comm, path = self.system.comm, self.directory.path
         facts: dict[str, Any] = {}
         stage, kept = self.system.memory()
@@ -389,10 +462,14 @@ class Recorder:
                 "history": self._plain_history,
                 "snapshots": self._snapshots.entries if self._snapshots else [],
             }
+            if self.lowered.done or below:
+                facts |= {"lowered": self.lowered.facts(), "descending": below.facts() if below else None}
         nodal = [_nodal(u) for u in states.vectors] + [DISPLACEMENT.nodal(values) for values in kept]
+        nodal += [_nodal(u) for u in below.states.vectors] if below else []
         mine = Checkpoint(facts, self._node_labels, np.array(nodal))
         durable = comm.bcast(time.monotonic() >= self._durable_until)
-        part = None if self._on_root else f"checkpoint-part-{position.number:06d}-{comm.rank}.npz"
+        label = f"{position.number:06d}" + (f"-{below.position.number:06d}" if below else "")
+        part = None if self._on_root else f"checkpoint-part-{label}-{comm.rank}.npz"
         checksum = on_every_rank(comm, lambda: part and mine.write_part(path, part, durable=durable))
         parts = {key: value for key, value in comm.gather((part, checksum)) or () if key and value}
         on_root(comm, lambda: mine.write(path, parts, durable=durable, keep=self._is_durable))
@@ -447,21 +524,3 @@ def _reported(directory: Path) -> Iterator[None]:
 
 def _nodal(vector: Vec) -> Float:
     return DISPLACEMENT.nodal(vector.getArray(readonly=True)).copy()
-
-
-def _same_inputs(before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-    """Check that a checkpoint was made with the same inputs.
-
-    Raises:
-        InputError: one differs; the message names it.
-    """
-    import json
-
-    from tmc_vem.support.errors import InputError
-
-    plain = json.loads(json.dumps(now))
-    for name in sorted({*before, *plain}):
-        if before.get(name) != plain.get(name):
-            raise InputError(
-                f"the checkpoint was made with {name} = {before.get(name)}, not {plain.get(name)}: start anew"
-            )

@@ -7,7 +7,7 @@ start it with options of his own can.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,24 +18,27 @@ from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import how_to_go_on
 from tmc_vem.simulation.discretised import discretise, require_finite_start
 from tmc_vem.simulation.monitor import Monitor
-from tmc_vem.simulation.options import RunOptions
+from tmc_vem.simulation.options import PATH, RunOptions
 from tmc_vem.simulation.plan import control_path, loads_of, order_of, run_inputs, snapshot_times
 from tmc_vem.simulation.problem_file import problem_text
-from tmc_vem.support.distributed import Comm
+from tmc_vem.support.distributed import Comm, Vec
 from tmc_vem.support.errors import InputError, TmcError
 from tmc_vem.support.parallel import from_root, on_root
 from tmc_vem.support.timing import Timer
 from tmc_vem.system.discretisation import Discretisation
 
 if TYPE_CHECKING:
+    from tmc_vem.results.limit import Lowering
     from tmc_vem.results.lock import DirectoryLock
+    from tmc_vem.simulation.descent import Descents
     from tmc_vem.simulation.interrupt import StopRequest
     from tmc_vem.simulation.recorder import Recorder
     from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
     from tmc_vem.solve.budget import Budget
     from tmc_vem.solve.newton import Iteration, NewtonSolver
     from tmc_vem.solve.path import ControlPath
-    from tmc_vem.solve.stepping import LoadStepper, SteppingOptions, SteppingResult
+    from tmc_vem.solve.states import States
+    from tmc_vem.solve.stepping import LoadStepper, OnStep, Step, StepperState, SteppingOptions, SteppingResult
 
 
 def run(
@@ -96,6 +99,7 @@ def prepare(
     from mpi4py import MPI
 
     from tmc_vem.problems.examine import examine, known_cause
+    from tmc_vem.simulation.descent import lowering_of
     from tmc_vem.simulation.gauge import Gauge
     from tmc_vem.simulation.overlap import OverlapWatch
     from tmc_vem.simulation.recorder import Recorder
@@ -106,7 +110,7 @@ def prepare(
     monitor = monitor if monitor is not None and comm.rank == 0 else Monitor()
     timer = Timer()
     stepping = stepping_of(options)
-    path = control_path(problem, options)
+    path, lowering = control_path(problem, options), lowering_of(problem, options)
     if resume and out is None:
         raise InputError("there is nothing to resume without a run directory")
 
@@ -133,7 +137,7 @@ def prepare(
     timer.pause()
     return Simulation(
         problem, options, system, tuple(hints), comm, directory, monitor, timer, path, stepping, solver, recorder,
-        resume, command,
+        lowering, resume, command,
     )  # fmt: skip
 
 
@@ -155,6 +159,7 @@ class Simulation:
         stepping: how the path is divided into steps.
         solver: solves at one load.
         recorder: what is recorded of converged steps.
+        lowering: how gamma is lowered for the limits, if they are asked for.
         resume: whether to go on from the directory's checkpoint.
         command: what the command line was asked.
     """
@@ -171,6 +176,7 @@ class Simulation:
     stepping: SteppingOptions
     solver: NewtonSolver
     recorder: Recorder
+    lowering: Lowering | None = None
     resume: bool = False
     command: Mapping[str, Any] | None = None
     _has_gone: bool = field(default=False, init=False, repr=False)
@@ -234,13 +240,42 @@ class Simulation:
         monitor.warned(self.hints)
         budget = Budget(self.options.max_iterations, self.options.max_seconds, self.comm)
         with stop_requests(self.comm) as stop:
-            stepper = self._stepper(stop, budget)
+            stepper, descents = self._stepper(stop, budget)
             try:
-                outcome: SteppingResult = stepper.run(u, states, position)
+                outcome: SteppingResult = self._go_along(stepper, descents, u, states, position)
             except TmcError:
                 monitor.aborted()
                 raise
-        return recorder.finish(outcome, u, self.options.solver, cut_short=budget.used_up)
+        return recorder.finish(
+            outcome, u, self.options.solver, cut_short=budget.used_up, lowering=self.lowering,
+            along_path=self.options.extrapolate_gamma == PATH,
+        )  # fmt: skip
+
+    def _go_along(
+        self,
+        stepper: LoadStepper | ArcLengthStepper,
+        descents: Descents | None,
+        u: Vec,
+        states: States | None,
+        position: StepperState | None,
+    ) -> SteppingResult:
+        """Go to the end of the path, and lower gamma where that is asked for, first of all at the step that a resumed
+        run was cut short in."""
+        from tmc_vem.solve.budget import OutOfBudget
+        from tmc_vem.solve.stepping import SteppingResult
+
+        try:
+            if descents is not None and states is not None:
+                descents.offer(states.vectors[-1])
+            outcome = stepper.run(u, states, position)
+        except OutOfBudget as limit:
+            return SteppingResult(self.recorder.history[-1].load, False, str(limit))
+        try:
+            if descents is not None and outcome.complete:
+                descents.descend(u)
+        except OutOfBudget as limit:
+            return replace(outcome, complete=False, reason=f"{limit} while gamma was lowered")
+        return outcome
 
     def _begin_directory(self, lock: DirectoryLock | None) -> None:
         """Empty the run directory, unless the run goes on, and take down what is to be said about run and problem."""
@@ -255,8 +290,10 @@ class Simulation:
             findings.append(Finding(WARNING, text))
         findings += [Finding(WARNING, text) for text in self.hints]
 
-    def _stepper(self, stop: StopRequest, budget: Budget) -> LoadStepper | ArcLengthStepper:
-        """What goes along the path: it looks for a stop after every iteration, and every converged step is recorded."""
+    def _stepper(self, stop: StopRequest, budget: Budget) -> tuple[LoadStepper | ArcLengthStepper, Descents | None]:
+        """What goes along the path, and what lowers gamma beside it: they look for a stop after every iteration, and
+        every converged step is recorded."""
+        from tmc_vem.simulation.descent import Descents
         from tmc_vem.solve.arclength import ArcLengthStepper
         from tmc_vem.solve.stepping import LoadStepper
 
@@ -267,15 +304,32 @@ class Simulation:
             stop.check()
             budget.spend()
 
+        descents = None
+        if self.lowering is not None:
+            along_path, stops = self.options.extrapolate_gamma == PATH, self.path.stops
+            descents = Descents(self.lowering, along_path, stops, self.path.end, solver, recorder, budget, on_iteration)
+
+        on_step = recorder.record if descents is None else _then(recorder.record, descents)
         if self.options.follow:
-            return ArcLengthStepper(solver, arc_of(self.options), recorder.record, on_iteration)
+            return ArcLengthStepper(solver, arc_of(self.options), on_step, on_iteration), descents
         gamma = _gamma(self.problem)
-        return LoadStepper(solver, self.stepping, recorder.record, self.path, gamma, recorder.step_failed, on_iteration)
+        stepper = LoadStepper(solver, self.stepping, on_step, self.path, gamma, recorder.step_failed, on_iteration)
+        return stepper, descents
 
     def _end_early(self, error: BaseException) -> None:
         """Say in the run directory why there will be no result."""
         if self.directory is not None and self.comm.rank == 0:
             self.directory.interrupted(str(error) or type(error).__name__)
+
+
+def _then(record: OnStep, descents: Descents) -> OnStep:
+    """Record a step, and lower gamma beside it where that is due."""
+
+    def on_step(step: Step, states: States, position: StepperState) -> None:
+        record(step, states, position)
+        descents.offer(states.vectors[-1])
+
+    return on_step
 
 
 def stepping_of(options: RunOptions) -> SteppingOptions:

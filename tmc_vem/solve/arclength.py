@@ -124,9 +124,10 @@ class ArcLengthStepper:
                 position = StepperState(length, size, position.number + 1)
                 wasted = self.solver.iterations_done - done - len(result.iterations)
                 last = Step(position.number, length, Control(load), result, cut_backs, wasted)
-                if self.on_step:
-                    self.on_step(last, states, position)
                 cut_backs, done, refusal = 0, self.solver.iterations_done, None
+                if self.on_step:  # it may solve beside the branch
+                    self.on_step(last, states, position)
+                    done = self.solver.iterations_done
                 if load == 1.0:
                     return self._ended(load, "full load", last, complete=True)
         except OutOfBudget as limit:

@@ -7,7 +7,8 @@ its line search gives up on NaN instead of shortening the step.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -274,6 +275,15 @@ class NewtonSolver:
         if refused is None:
             return result
         return replace(result, converged=False, reason=refused.sentence(), residual=None, refusal=refused)
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """For states beside the path: afterwards the solver goes on as if they had not been solved for."""
+        shift = self._last_shift
+        try:
+            yield
+        finally:
+            self._last_shift = shift
 
     def count(self, iteration: Iteration, on_iteration: OnIteration | None) -> None:
         """An iteration is done: tell who wants to know."""

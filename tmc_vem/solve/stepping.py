@@ -175,6 +175,7 @@ class LoadStepper:
             past that load, and is softened again beyond it, or at the end of the path.
         on_failure: called when the first attempt at a step fails, with the state that it started from.
         on_iteration: called after every iteration of Newton's method; what it raises ends the work.
+        jumps: look for another branch where one ends; else the stepping ends there.
     """
 
     solver: NewtonSolver
@@ -184,6 +185,7 @@ class LoadStepper:
     soften: Mapping[str, float] = field(default_factory=dict)
     on_failure: Callable[[Vec], None] | None = None
     on_iteration: OnIteration | None = None
+    jumps: bool = True
 
     def start(self, u: Vec) -> tuple[States, StepperState]:
         """States and position at the beginning of the path."""
@@ -225,11 +227,13 @@ class LoadStepper:
                         continue
                     # the branch that was followed may have ended, at a limit point or a bifurcation
                     target, jumped = self._target(replace(position, size=JUMP * self.options.smallest)), True
-                    other = _outcome(self._other_branch, u, trial, position.time, target)
+                    other = Attempt(result)
+                    if self.jumps:
+                        other = _outcome(self._other_branch, u, trial, position.time, target)
                     refusal = other.refusal or refusal
                     if not other.result.converged:
                         self._control(position.time)
-                        stiffer = self._stiffen(position)
+                        stiffer = self._stiffen(position) if self.jumps else None
                         if stiffer is not None:
                             position = stiffer
                             states.restart(self.path.vector(self.path.at(position.time)))
@@ -251,9 +255,10 @@ class LoadStepper:
                 position = replace(position, time=target, size=size, number=position.number + 1)
                 wasted = self.solver.iterations_done - done - len(result.iterations)
                 last = Step(position.number, target, self.path.at(target), result, cut_backs, wasted, jumped)
-                if self.on_step:
-                    self.on_step(last, states, position)
                 cut_backs, done, refusal = 0, self.solver.iterations_done, None
+                if self.on_step:  # it may solve beside the path
+                    self.on_step(last, states, position)
+                    done = self.solver.iterations_done
         except OutOfBudget as limit:
             self._control(position.time)
             wasted = self.solver.iterations_done - done
@@ -392,6 +397,8 @@ class LoadStepper:
         if self.soften:
             softened = f", {', '.join(self.soften)} raised up to {STIFFER[-1]:g} times to get past this load"
         reason, remedy = (refusal.sentence(), refusal.advice()) if refusal else (result.reason, REMEDY)
+        if not self.jumps:
+            return reason
         return (
             f"{reason}; smallest {worst}. Tried: steps down to {self.options.smallest:g} of the load, extrapolated and "
             f"tangent predictors, descent to another equilibrium{softened}. {remedy}"

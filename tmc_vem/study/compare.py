@@ -130,6 +130,8 @@ def file_study(
     order: int | None = None,
     steps: int | None = None,
     interior_penalty: str | None = None,
+    extrapolate_gamma: bool | str | None = None,
+    gamma_decades: int | None = None,
 ) -> Study:
     """A problem of one's own with cells of several sizes; triangles for finite elements where it has Voronoi cells.
 
@@ -137,7 +139,8 @@ def file_study(
         problem: with a mesh from shapes.
         sizes: of cells; those of places with smaller cells go with them.
         settings: run options of both methods.
-        order, steps, interior_penalty: other than those of the settings; the last one of finite elements.
+        order, steps, interior_penalty, extrapolate_gamma, gamma_decades: other than those of the settings; the
+            interior penalty is that of finite elements.
 
     Raises:
         InputError: the mesh comes from a file, or a value is out of range.
@@ -148,7 +151,12 @@ def file_study(
             f"mesh: file = {shown(mesh.file)} has one size of cells: give several files to 'tmc-vem sweep', --set "
             "mesh.file=coarse.msh,fine.msh"
         )
-    settings = replace(settings, steps=settings.steps if steps is None else steps)
+    settings = replace(
+        settings,
+        steps=settings.steps if steps is None else steps,
+        extrapolate_gamma=settings.extrapolate_gamma if extrapolate_gamma is None else extrapolate_gamma,
+        gamma_decades=settings.gamma_decades if gamma_decades is None else gamma_decades,
+    )
     element, fem = settings.element, settings.fem
     penalty = interior_penalty or ("penalty" if fem.interior_penalty == "none" else fem.interior_penalty)
     options = {

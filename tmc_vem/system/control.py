@@ -15,8 +15,14 @@ class Control:
 
     Attributes:
         load: load factor.
-        parameters: values of energy parameters that differ from those of the problem, by name.
+        parameters: values of energy parameters that differ from those of the problem, by name; one of a single region
+            is called as :func:`parameter_of` says.
     """
 
     load: float
     parameters: Mapping[str, float] = field(default_factory=dict)
+
+
+def parameter_of(region: str, name: str) -> str:
+    """What a parameter of one region's energy is called: ``medium.gamma``."""
+    return f"{region}.{name}"

@@ -117,7 +117,10 @@ class NonlinearSystem(Protocol):
         """Constrained degrees of freedom that this rank owns, as positions in the rank's part of a vector."""
 
     def set_parameters(self, values: Mapping[str, float]) -> None:
-        """Change parameters, by name, in every energy that has them."""
+        """Change parameters, by name, in every energy that has them, or as ``<region>.<name>`` in that of one region.
+
+        See :func:`tmc_vem.system.control.parameter_of`.
+        """
 
     def set_position(self, position: Control) -> None:
         """From now on, the potential is that at a position on the path, where forces depend on it."""

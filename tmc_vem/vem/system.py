@@ -20,7 +20,7 @@ from tmc_vem.support.parallel import on_every_rank
 from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constrained import Constrained
 from tmc_vem.system.constraints import Condition, Pair, is_called
-from tmc_vem.system.control import Control
+from tmc_vem.system.control import Control, parameter_of
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
@@ -142,12 +142,13 @@ class VemSystem(Unloaded):
         return self._constrained.per_load(position)
 
     def set_parameters(self, values: Mapping[str, float]) -> None:
-        """Change parameters, by name, in every energy that has them."""
+        """Change parameters, by name, in every energy that has them, or as ``<region>.<name>`` in one."""
         owners: list[Block | SideTerms] = [*self.blocks, *self._sides()]
         for each in owners:
             for position, name in enumerate(each.kernel.parameters):
-                if name in values:
-                    each.parameters[position] = values[name]
+                for known in (name, parameter_of(each.region, name)):
+                    if known in values:
+                        each.parameters[position] = values[known]
 
     def energy(self, u: Vec) -> Evaluation:
         """Potential at ``u``."""

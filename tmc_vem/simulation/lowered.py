@@ -1,0 +1,103 @@
+"""States beside the load path, with lower gamma than the problem's: those so far, and the descent that goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tmc_vem.results.records import StepRecord
+from tmc_vem.solve.states import States
+from tmc_vem.solve.stepping import StepperState
+from tmc_vem.support.distributed import Vec
+
+
+@dataclass
+class Descending:
+    """A descent that goes on.
+
+    Attributes:
+        start: number of the load step from which gamma is lowered.
+        records: of its states so far.
+        states, position: from which its stepping can go on.
+    """
+
+    start: int
+    records: list[StepRecord]
+    states: States
+    position: StepperState
+
+    def facts(self) -> dict[str, Any]:
+        """Plain values for a checkpoint, which has the states themselves elsewhere."""
+        return {
+            "start": self.start,
+            "records": [asdict(record) for record in self.records],
+            "controls": [control.tolist() for control in self.states.controls],
+            "position": asdict(self.position),
+        }
+
+
+@dataclass
+class Lowered:
+    """What descents have recorded.
+
+    Attributes:
+        records: states in the order in which they were found; ``limit_of`` is the load step of each.
+        done: for each load step from which gamma was lowered to the end, or as far as possible, why not further.
+        failed_iterations: of Newton's method in steps of descents that have failed for good.
+    """
+
+    records: list[StepRecord] = field(default_factory=list)
+    done: dict[int, str] = field(default_factory=dict)
+    failed_iterations: int = 0
+
+    def end(self, start: int, records: Sequence[StepRecord], why: str, iterations: int) -> None:
+        """A descent has ended.
+
+        Args:
+            start: number of the load step.
+            records: of its states.
+            why: it did not go further; empty if it went to its end.
+            iterations: in vain since its last state.
+        """
+        self.records += records
+        self.done[start] = why
+        self.failed_iterations += iterations
+
+    def iterations(self, goes_on: Descending | None) -> int:
+        """Newton iterations with lower gamma, failed ones included, also of a descent that goes on."""
+        records: list[StepRecord] = self.records + (goes_on.records if goes_on is not None else [])
+        return self.failed_iterations + sum(r.iterations + r.wasted_iterations for r in records)
+
+    def of(self, start: int) -> list[StepRecord]:
+        """States below one load step."""
+        return [record for record in self.records if record.limit_of == start]
+
+    def facts(self) -> dict[str, Any]:
+        """Plain values for a checkpoint."""
+        done = [[start, why] for start, why in self.done.items()]
+        return {**asdict(self), "done": done}
+
+    @staticmethod
+    def from_facts(facts: Mapping[str, Any]) -> Lowered:
+        """What a checkpoint has."""
+        records = [StepRecord.from_plain(entry) for entry in facts["records"]]
+        done = {int(start): str(why) for start, why in facts["done"]}
+        return Lowered(records, done, facts["failed_iterations"])
+
+
+def stepper_state(facts: Mapping[str, Any]) -> StepperState:
+    """Where the stepping of a checkpoint stands."""
+    stiffer = tuple((float(time), float(factor)) for time, factor in facts["stiffer"])
+    return StepperState(**{**facts, "stiffer": stiffer})
+
+
+def states_of(values_sni: Any, controls: Sequence[Sequence[float]], like: Vec) -> States:
+    """States of a checkpoint, with the vector that they are written through; it has the last one afterwards."""
+    states = States(like)
+    for control, state_ni in zip(controls, values_sni, strict=True):
+        like.getArray()[:] = state_ni.ravel()
+        states.append(np.array(control), like)
+    return states
