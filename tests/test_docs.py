@@ -85,7 +85,7 @@ def test_examples_of_problem_files_are_read(tmp_path: Path) -> None:
     kinds = [type(build(ProbeTable, probe, name).probe()).__name__ for name, probe in probes.items()]
     assert kinds == [
         "Displacement", "Position", "Gap", "Reaction", "MeanJ", "ValueAt", "Over", "Over", "Over", "EnergyOf",
-        "CutForce",
+        "CutForce", "Contact", "Contact",
     ]  # fmt: skip
 
 
