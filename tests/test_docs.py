@@ -84,7 +84,10 @@ def test_examples_of_problem_files_are_read(tmp_path: Path) -> None:
     (probes,) = (tomllib.loads(text)["probes"] for text in blocks if "[probes]" in text)
     assert build(RunOptions, solve, "solve").snapshots == 20
     kinds = [type(build(ProbeTable, probe, name).probe()).__name__ for name, probe in probes.items()]
-    assert kinds == ["Displacement", "Position", "Gap", "Reaction", "MeanJ", "Contact", "Contact"]
+    assert kinds == [
+        "Displacement", "Position", "Gap", "Reaction", "MeanJ", "ValueAt", "Over", "Over", "Over", "EnergyOf",
+        "CutForce", "Contact", "Contact",
+    ]  # fmt: skip
 
 
 def test_solids_on_the_page_of_materials_are_solids() -> None:

@@ -63,6 +63,7 @@ METHOD = [
     (("--checkpoint-every", "5"), "settings.checkpoint_every", 5),
     (("--snapshots", "3"), "settings.snapshots", 3),
     (("--triangulated",), "settings.triangulated", True),
+    (("--fields", "J, von_mises"), "settings.fields", "J, von_mises"),
     (("--solver", "iterative"), "settings.solver", "iterative"),
     (("--overwrite",), "settings.overwrite", True),
     (("--out", "somewhere"), "options.out", Path("somewhere")),
@@ -370,7 +371,14 @@ IN_MEMORY: dict[str, tuple[Any, Mapping[str, Any], Any]] = {
     "element": (ElementSettings(order=3), {}, lambda r: r.n_dofs > 1200),
     "method": ("fem", {}, lambda r: r.projection_degrees == {}),
 }
-NOT_HERE = ("fem", "snapshots", "checkpoint_every", "overwrite", "triangulated")  # they have tests of their own below
+NOT_HERE = (
+    "fem",
+    "snapshots",
+    "checkpoint_every",
+    "overwrite",
+    "triangulated",
+    "fields",
+)  # they have tests of their own below
 
 
 @pytest.mark.parametrize("name", IN_MEMORY)

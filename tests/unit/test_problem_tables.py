@@ -28,6 +28,10 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import Prescribed
 
 STEEL = Material(K=20.0, mu=10.0)
+ONE_OF = (
+    "give one of displacement, position, gap, reaction, value, smallest, largest, mean, integral, energy, cut_force, "
+    "contact"
+)
 
 
 def refused(message: str, make: Any, *arguments: Any, **named: Any) -> None:
@@ -91,16 +95,16 @@ SQUARE = ShapeTable(rectangle=(0.0, 0.0, 1.0, 1.0))
         (lambda: ShapeTable(rectangle=(0, 0, 1, 1), disc=(0, 0, 1)).shape(),
          "give one of rectangle, polygon and disc, not rectangle and disc"),
         (lambda: ShapeTable(disc=(0, 0, 1), rounded=0.1).shape(), "'rounded' is for rectangles and polygons"),
-        (lambda: ProbeTable(), "give one of displacement, position, gap, reaction, mean, contact, not none"),
+        (lambda: ProbeTable(), f"{ONE_OF}, not none"),
         (lambda: ProbeTable(mean="J", reaction="ux", at="a"),
-         "give one of displacement, position, gap, reaction, mean, contact, not reaction and mean"),
+         f"{ONE_OF}, not reaction and mean"),
         (lambda: ProbeTable(displacement="ux"), "displacement lacks 'at'"),
         (lambda: ProbeTable(displacement="ux", at="a", region="b"), "displacement has no use for 'region'"),
-        (lambda: ProbeTable(mean="J"), "mean lacks 'region'"),
+        (lambda: ProbeTable(mean="J"), "mean lacks a place: give region, edges or line"),
         (lambda: ProbeTable(mean="J", region="a", at="b"), "mean has no use for 'at'"),
         (lambda: ProbeTable(gap=("a", "b"), at="c"), "gap has no use for 'at'"),
         (lambda: ProbeTable(reaction="ux", at=(0.0, 1.0)), "at: a reaction needs the name of a point or of edges"),
-        (lambda: ProbeTable(mean="K", region="a"), "unknown mean 'K': choose one of J"),
+        (lambda: ProbeTable(energy="K", region="a"), "unknown energy 'K': choose one of stored"),
         (lambda: table(load=ConditionTable("top", 0.1, 0.1)),
          "load: give one of ux and uy; further components belong to [[support]]"),
         (lambda: table(load=ConditionTable("top", ux=0.1)), None),

@@ -106,7 +106,7 @@ def test_the_defaults_of_a_run() -> None:
     assert RunOptions() == RunOptions(
         method="vem", steps=None, largest_step=0.1, solver="direct", path=(0.0, 1.0), output_loads=(), continuation={},
         follow=False, allow_overlap=False, max_iterations=None, max_seconds=None, snapshots=10, triangulated=False,
-        checkpoint_every=1, overwrite=False,
+        fields="cauchy_stress,von_mises", checkpoint_every=1, overwrite=False,
     )  # fmt: skip
     assert simulation.stepping_of(RunOptions(steps=7)) == SteppingOptions(
         steps=7, largest=0.1, first=0.01, smallest=1e-5

@@ -21,7 +21,7 @@ RUN = click.argument("run_dir", type=click.Path(path_type=Path))
 @click.option(
     "--field",
     metavar="NAME",
-    help="Which field gets a large picture: ux, uy, J, min_J, energy_density, or what the run has written of stress and "
+    help="Which field gets a large picture: ux, uy, J, min_J, energy_density, or what the run wrote of stress and "
     "strain (run --fields), as von_mises or cauchy_stress_xy. Default: von_mises; with an option below, the load's "
     "displacement component.",
 )

@@ -242,6 +242,11 @@ class FemSystem(Unloaded):
         return DISPLACEMENT.size(self.nodes.n_global)
 
     @property
+    def order(self) -> int:
+        """Order k of the elements."""
+        return self.settings.order
+
+    @property
     def n_cells_global(self) -> int:
         """Cells of the whole mesh."""
         return self.mesh.n_cells_global

@@ -6,6 +6,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from tmc_vem.problems.contact_probe import Contact
+from tmc_vem.problems.field_probes import (
+    INTEGRAL,
+    LARGEST,
+    MEAN,
+    SMALLEST,
+    CutForce,
+    EnergyOf,
+    Line,
+    Over,
+    ValueAt,
+)
 from tmc_vem.problems.probes import Displacement, Gap, MeanJ, Place, Position, Probe, Reaction
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import require_choice
@@ -13,19 +24,24 @@ from tmc_vem.support.validation import require_choice
 
 @dataclass(frozen=True)
 class ProbeTable:
-    """Something to measure at every load step: one of the first six, and where.
+    """Something to measure at every load step: one of the first twelve, and where.
 
     Attributes:
         displacement: ``ux`` or ``uy`` of a point.
         position: ``x`` or ``y`` of a point in the deformed state.
         gap: distance of two points, each a name or coordinates.
         reaction: to ``ux`` or ``uy``, where that is prescribed.
-        mean: ``J`` over a region.
+        value: field, such as ``von_mises``, at a point.
+        smallest, largest, mean, integral: of a field over a region, along edges or a line.
+        energy: ``"stored"``, that of a region.
+        cut_force: ``x``, ``y``, ``normal``, ``shear`` or ``moment``: what solids transfer through a line, on its left.
         contact: a quantity of contact: ``force``, ``force_x``, ``force_y`` or ``moment`` of a body or a pair of bodies,
             or ``gap``, ``pressure_max``, ``pressure_fit``, ``half_width``, ``contact_length``, ``centre_x`` or
             ``centre_y`` of a pair.
         at: name or coordinates of a point; for a reaction, name of a point or edges.
-        region: name of a region.
+        region: name of a region; of values at points and along lines, whose they are where regions meet.
+        edges: name of edges.
+        line: both ends of a straight line.
         of: name of a body, which is that of its region, or of a pair of bodies, as ``block-seal``.
     """
 
@@ -33,10 +49,18 @@ class ProbeTable:
     position: str | None = None
     gap: tuple[Place, Place] | None = None
     reaction: str | None = None
+    value: str | None = None
+    smallest: str | None = None
+    largest: str | None = None
     mean: str | None = None
+    integral: str | None = None
+    energy: str | None = None
+    cut_force: str | None = None
     contact: str | None = None
     at: Place | None = None
     region: str | None = None
+    edges: str | None = None
+    line: Line | None = None
     of: str | None = None
 
     def __post_init__(self) -> None:
@@ -86,9 +110,24 @@ def _gap(table: ProbeTable) -> Probe:
     return Gap(*table.gap)
 
 
-def _mean(table: ProbeTable) -> Probe:
-    require_choice("mean", str(table.mean), ("J",))
-    return MeanJ(str(table.region))
+def _over(what: str) -> Callable[[ProbeTable], Probe]:
+    def make(table: ProbeTable) -> Probe:
+        field = str(getattr(table, what))
+        if (what, field) == (MEAN, "J") and table.edges is None and table.line is None and table.region is not None:
+            return MeanJ(table.region)
+        return Over(field, what, table.region, table.edges, table.line)
+
+    return make
+
+
+def _energy(table: ProbeTable) -> Probe:
+    require_choice("energy", str(table.energy), ("stored",))
+    return EnergyOf(str(table.region))
+
+
+def _cut(table: ProbeTable) -> Probe:
+    assert table.line is not None
+    return CutForce(str(table.cut_force), table.line, table.region)
 
 
 def _reaction(table: ProbeTable) -> Probe:
@@ -103,7 +142,10 @@ KINDS: Mapping[str, Kind] = {
     "position": Kind(lambda table: Position(str(table.position), _place(table)), ("at",)),
     "gap": Kind(_gap),
     "reaction": Kind(_reaction, ("at",)),
-    "mean": Kind(_mean, ("region",)),
+    "value": Kind(lambda table: ValueAt(str(table.value), _place(table), table.region), ("at",), ("region",)),
+    **{what: Kind(_over(what), (), ("region", "edges", "line")) for what in (SMALLEST, LARGEST, MEAN, INTEGRAL)},
+    "energy": Kind(_energy, ("region",)),
+    "cut_force": Kind(_cut, ("line",), ("region",)),
     "contact": Kind(lambda table: Contact(str(table.contact), str(table.of)), ("of",)),
 }
 PLACES = tuple(name for name in ProbeTable.__dataclass_fields__ if name not in KINDS)

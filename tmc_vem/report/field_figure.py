@@ -143,7 +143,7 @@ def _draw(
     axes.add_collection(PolyCollection(pale, facecolors="0.96", edgecolors="0.85", linewidths=0.2, rasterized=True))
     chosen = np.flatnonzero(coloured)
     if at_cells is not None:
-        style: dict[str, Any] = {"array": np.ma.masked_invalid(at_cells[chosen]), "cmap": _colours(), "norm": scale}
+        style: dict[str, Any] = {"array": at_cells[chosen], "cmap": _colours(), "norm": scale}
         axes.add_collection(PolyCollection([loops[c] for c in chosen], edgecolors="face", linewidths=0.2, **style))
     else:
         _shade(axes, fields, points, np.asarray(at_points), coloured, scale)
@@ -159,7 +159,7 @@ def _draw(
     below, above = bool(len(seen) and seen.min() < low), bool(len(seen) and seen.max() > high)
     extend = "both" if below and above else "min" if below else "max" if above else "neither"
     bar = figure.colorbar(ScalarMappable(norm=scale, cmap=_colours()), ax=axes, extend=extend, shrink=0.9, pad=0.02)
-    bar.set_label(_with_unit(*[quantity[0], units, quantity[1]]))
+    bar.set_label(_with_unit(quantity[0], units, quantity[1]))
     if not len(seen):
         axes.text(0.5, 0.5, "no value: the energy does not use F[2][2]", transform=axes.transAxes, ha="center")
     return figure

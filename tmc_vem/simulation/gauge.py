@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem
 from tmc_vem.problems.contact_probe import Contact
+from tmc_vem.problems.field_probes import CutForce, EnergyOf, FieldProbe
 from tmc_vem.problems.probes import AXES, Displacement, Gap, MeanJ, Place, Position, Reaction, check_probes
 from tmc_vem.simulation.contact_probe import contact_reader
+from tmc_vem.simulation.cut_gauge import make_cut_reader, make_energy_reader
+from tmc_vem.simulation.field_gauge import make_field_reader
 from tmc_vem.simulation.reading import Behind, MakeReader, Reader, State
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import InputError
@@ -21,7 +24,12 @@ from tmc_vem.system.places import Places
 
 Float = NDArray[np.float64]
 # How the probes of a kind are read, by their class; what a mapping makes is asked once for each state.
-READERS: Mapping[type, MakeReader] = {Contact: contact_reader}
+READERS: Mapping[type, MakeReader] = {
+    FieldProbe: make_field_reader,
+    EnergyOf: make_energy_reader,
+    CutForce: make_cut_reader,
+    Contact: contact_reader,
+}
 
 
 class Gauge:
@@ -57,7 +65,7 @@ class Gauge:
             self._area_c = system.cell_areas()
         self._readers: list[Reader] = []
         for kind, make in READERS.items():
-            some = {name: probe for name, probe in self.probes.items() if type(probe) is kind}
+            some = {name: probe for name, probe in self.probes.items() if isinstance(probe, kind)}
             if some:
                 self._readers.append(make(some, problem, system))
 

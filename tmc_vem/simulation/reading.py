@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tmc_vem.problems.base import Problem
 from tmc_vem.support.distributed import Vec
 from tmc_vem.system.discretisation import Discretisation
+from tmc_vem.system.layout import DISPLACEMENT
 
 Float = NDArray[np.float64]
 # Of two points, given by their places in the reference and in the deformed state.
@@ -40,3 +41,11 @@ Reader = Callable[[State], Mapping[str, float]]
 # Makes it for the probes of one kind, by name; on all ranks, once. Raises InputError for what is not there, with
 # "probes: NAME: " before the message.
 MakeReader = Callable[[Mapping[str, Any], Problem, Discretisation], Reader]
+
+
+def along_x_and_y(system: Discretisation, u: Vec) -> Float:
+    """(n_owned_nodes, 2) displacements along x and y of this rank's part of a vector; called on all ranks."""
+    own_ni = DISPLACEMENT.nodal(u.getArray(readonly=True))
+    first = sum(system.comm.allgather(len(own_ni))[: system.comm.rank])
+    along_ni: Float = np.einsum("nij,nj->ni", system.turned().of(first + np.arange(len(own_ni))), own_ni)
+    return along_ni

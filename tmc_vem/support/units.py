@@ -13,7 +13,7 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import check_fields, shown
 
 LENGTH, FORCE, ENERGY, STRESS, NONE = "length", "line force", "line energy", "stress", "number"
-AREA, ANGLE = "area", "angle"
+AREA, ANGLE, VOLUME = "area", "angle", "volume"
 # of the arrays in VTU files and of the columns of the history; names that end in _ are followed by that of a region
 COORDINATES = "Points"
 FIELDS = {
@@ -69,6 +69,7 @@ class Units:
             ENERGY: self.force,
             STRESS: f"{self.force}/{self.length}^2",
             AREA: f"{self.length}^2",
+            VOLUME: f"{self.length}^3",
             ANGLE: "degrees",
             NONE: "1",
         }[kind]

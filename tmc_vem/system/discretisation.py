@@ -157,6 +157,10 @@ class Discretisation(NonlinearSystem, PointSource, Protocol):
     """A problem on cells and nodes. What has an axis ``c`` or ``n`` is about the cells and nodes of this rank."""
 
     @property
+    def order(self) -> int:
+        """Order k of the elements: nodes on a side of a cell, one of its ends included."""
+
+    @property
     def n_cells_global(self) -> int:
         """Cells of the whole mesh."""
 

@@ -284,6 +284,11 @@ class VemSystem(Unloaded):
         self._load_nodes = body_load(self.distributed, self.dofmap, self.blocks, self.regions, force)
 
     @property
+    def order(self) -> int:
+        """Order k of the elements."""
+        return self.settings.order
+
+    @property
     def n_cells_global(self) -> int:
         """Cells of the whole mesh."""
         return self.distributed.n_cells_global
