@@ -21,6 +21,7 @@ PAGES = (
         f"docs/howto/{name}.md"
         for name in (
             "check-and-sweep",
+            "contact-forces",
             "fenicsx",
             "hanging-nodes",
             "own-mesh",
