@@ -21,6 +21,7 @@ PAGES = (
         f"docs/howto/{name}.md"
         for name in (
             "check-and-sweep",
+            "contact-forces",
             "fenicsx",
             "hanging-nodes",
             "own-mesh",
@@ -85,7 +86,7 @@ def test_examples_of_problem_files_are_read(tmp_path: Path) -> None:
     kinds = [type(build(ProbeTable, probe, name).probe()).__name__ for name, probe in probes.items()]
     assert kinds == [
         "Displacement", "Position", "Gap", "Reaction", "MeanJ", "ValueAt", "Over", "Over", "Over", "EnergyOf",
-        "CutForce",
+        "CutForce", "Contact", "Contact",
     ]  # fmt: skip
 
 

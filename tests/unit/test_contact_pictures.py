@@ -15,7 +15,8 @@ from helpers_traction import LAYERS, changed, solved
 
 from tmc_vem import RunResult
 from tmc_vem.cli.main import cli
-from tmc_vem.problems.contact_probe import OF_BODY, OF_PAIR, Contact
+from tmc_vem.problems.contact_probe import Contact
+from tmc_vem.problems.contact_quantities import OF_BODY, OF_PAIR
 from tmc_vem.report.contact_figure import contact_of, contact_pictures
 from tmc_vem.report.contact_tables import contact_tables
 from tmc_vem.report.page import Picture, Text

@@ -9,7 +9,7 @@ import pyvista
 
 from tmc_vem import Box, Medium, RunOptions, RunResult, run
 from tmc_vem.problems import Material
-from tmc_vem.problems.contact_probe import OF_BODY, OF_PAIR
+from tmc_vem.problems.contact_quantities import OF_BODY, OF_PAIR
 from tmc_vem.problems.probes import Displacement, Gap, MeanJ, Position, Probe, Reaction
 from tmc_vem.problems.wrapped import Probed
 from tmc_vem.support.units import ENERGY, FORCE, LENGTH, NONE, STRESS, Units

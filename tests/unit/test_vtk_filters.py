@@ -111,7 +111,7 @@ def test_a_run_writes_both_and_gives_both_to_pyvista(tmp_path: Path) -> None:
 
 
 def test_what_pyvista_saves_is_read_as_a_mesh(tmp_path: Path) -> None:
-    result = run(Box(cells=(20, 5), uy=-0.01), tmp_path / "run", RunOptions(steps=1, snapshots=1))
+    result = run(Box(cells=(20, 5), uy=-0.01), tmp_path / "run", RunOptions(steps=1, snapshots=1, fields="none"))
     result.to_pyvista().save(tmp_path / "saved.vtk")
     mesh = read_mesh(tmp_path / "saved.vtk")
     assert (mesh.n_cells, mesh.region_names) == (100, ("region_0", "region_1"))

@@ -1,37 +1,19 @@
-"""What is reported of contact, and a probe for any of it: force, pressure or width, of a body or a pair of outlines."""
+"""A probe for any quantity of contact: force, pressure or width, of a body or a pair of outlines."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from tmc_vem.mesh.bodies import body_names
-from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import RegionEnergy
+from tmc_vem.problems.contact_quantities import OF_BODY, OF_PAIR, pair_name
 from tmc_vem.problems.probes import Known, Probe
 from tmc_vem.support.errors import InputError
-from tmc_vem.support.units import ENERGY, FORCE, LENGTH, STRESS
 from tmc_vem.support.validation import check_fields, require_choice
 
-# Quantities with their kind; of a pair, the force is that on the first body.
-OF_BODY: Mapping[str, str] = {"force": FORCE, "force_x": FORCE, "force_y": FORCE, "moment": ENERGY}
-OF_PAIR: Mapping[str, str] = {
-    **OF_BODY,
-    "gap": LENGTH,
-    "pressure_max": STRESS,
-    "pressure_fit": STRESS,
-    "half_width": LENGTH,
-    "contact_length": LENGTH,
-    "centre_x": LENGTH,
-    "centre_y": LENGTH,
-}
-
-
-def pair_name(bodies: Sequence[str], pair: tuple[int, int]) -> str:
-    """Name of a pair of outlines: those of its bodies."""
-    return "-".join(bodies[body] for body in pair)
+if TYPE_CHECKING:
+    from tmc_vem.mesh.polygon import PolygonMesh
+    from tmc_vem.problems.base import RegionEnergy
 
 
 @dataclass(frozen=True)
@@ -39,7 +21,7 @@ class Contact(Probe):
     """A quantity of contact.
 
     Attributes:
-        quantity: one of :data:`OF_PAIR`; of a body, one of :data:`OF_BODY`.
+        quantity: one of :data:`tmc_vem.problems.contact_quantities.OF_PAIR`; of a body, one of ``OF_BODY``.
         of: name of a body, or of two that face each other, as ``block-seal``.
     """
 
@@ -60,6 +42,10 @@ class Contact(Probe):
 
     def examine(self, mesh: PolygonMesh, regions: Mapping[str, RegionEnergy]) -> None:
         """Check that there are such bodies, and that a body has the quantity."""
+        import numpy as np
+
+        from tmc_vem.mesh.bodies import body_names
+
         solid = np.array([not regions[name].is_medium for name in mesh.region_names], dtype=np.bool_)
         bodies = body_names(mesh, solid[mesh.region_c])
         numbers = range(len(bodies))

@@ -27,7 +27,7 @@ Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
 SEEN = 0.02  # of the largest pressure: below it there is nothing to draw
-TALLEST = 0.28  # of the picture's smaller extent: the largest pressure
+TALLEST = 0.24  # of the picture's smaller extent: the largest pressure
 MARGIN = 0.6  # around contact, of its extent
 MOST_ARROWS = 40  # of one outline
 WIDEST, TALL = 10.0, (3.0, 5.5)  # inches: of a picture, and its height
@@ -99,7 +99,7 @@ def _tractions(curves: ContactCurves, fields: Fields | None, sides: list[_Side],
     """All of the solids, and contact from near."""
     points = _solid_points(curves, fields)
     near = curves.point_nx[np.concatenate([side.stations for side in sides])]
-    extents = [_around(points, 0.05), _around(near, MARGIN)]
+    extents = [_around(points, 0.08), _around(near, MARGIN)]
     shapes = [float(high[0] - low[0]) / float(high[1] - low[1]) for low, high in extents]
     tall = float(np.clip((WIDEST - 1.5) / sum(shapes), *TALL))
     figure, axes = _figure(2, tall, [max(shape, 0.4) for shape in shapes])

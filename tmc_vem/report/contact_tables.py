@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from tmc_vem.problems.contact_probe import OF_BODY, OF_PAIR
+from tmc_vem.problems.contact_quantities import OF_BODY, OF_PAIR, is_pair
 from tmc_vem.report.page import Table
 from tmc_vem.report.tables import number, percent
-from tmc_vem.results.contact.pairs import is_pair
 from tmc_vem.results.records import heading
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.support.units import Units

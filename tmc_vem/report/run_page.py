@@ -46,7 +46,7 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4, show
             ),
             *([Section("Limit for gamma to 0", limit_blocks(name, result))] if result.limit else []),
             *([Section("Deformed states", [_states(result, quantity, n_states)])] if result.history else []),
-            *_contact(result),
+            *(_contact(result) if result.history else []),
             *([Section("Field", [_field(result, shown)])] if result.history else []),
             *([Section("Curves", _curves(runs))] if result.history else []),
             Section("Solution", [tables.effort(runs), Table("Contact.", ("run", "deformed solids"), contact)]),

@@ -150,9 +150,9 @@ class SnapshotWriter:
         if self._patches is None:
             self._patches = Patches(self._stresses, self._polygons, self._order)
         needed = tensors_needed(self._names)
-        means = self._stresses.cell_means(u, needed)
+        recovered, means = self._patches.recovered_and_means(u, needed)
         at_points = {}
-        for name, values_k in self._patches.recovered(u, needed).at_nodes().items():
+        for name, values_k in recovered.at_nodes().items():
             at_points[name] = np.zeros((len(self._origin_n), values_k.shape[1]))
             at_points[name][self._whole.connectivity] = values_k
         return replace(

@@ -12,9 +12,8 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Protocol
 
-from tmc_vem.problems.contact_probe import OF_BODY, OF_PAIR
+from tmc_vem.problems.contact_quantities import OF_BODY, OF_PAIR, is_pair, shown
 from tmc_vem.problems.probes import GAP, RESERVED, RESERVED_STARTS
-from tmc_vem.results.contact.pairs import is_pair, shown
 from tmc_vem.results.unfinished import BEGUN, CHECKPOINT, COMMAND
 
 # Schema of run directories that is written, and the oldest that is read. A new entry with a default in ``read`` or

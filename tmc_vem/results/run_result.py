@@ -8,14 +8,16 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from tmc_vem.results.contact.curves import ContactCurves
 from tmc_vem.results.limit import GammaLimit
 from tmc_vem.results.records import HISTORY, OLDEST, RESULT, SCHEMA, StepRecord, finite, heading
 from tmc_vem.results.unfinished import unfinished
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import shown
+
+if TYPE_CHECKING:
+    from tmc_vem.results.contact.curves import ContactCurves
 
 
 @dataclass(frozen=True)

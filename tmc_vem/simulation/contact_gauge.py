@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.integrand import Integrand
-from tmc_vem.problems.contact_probe import OF_BODY, OF_PAIR
+from tmc_vem.problems.contact_quantities import OF_BODY, OF_PAIR, is_pair
 from tmc_vem.results.contact.curves import ContactCurves
-from tmc_vem.results.contact.pairs import is_pair, measure
+from tmc_vem.results.contact.pairs import measure
 from tmc_vem.results.contact.solids import same_points
 from tmc_vem.results.contact.surface import Surface
 from tmc_vem.results.contact.traction import Traction

@@ -16,10 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from tmc_vem.support.distributed import Comm, Vec
 from tmc_vem.system.fields import Polygons
-from tmc_vem.system.stress import Stresses
+from tmc_vem.system.stress import Stresses, mean_of
 from tmc_vem.system.tensors import COMPONENTS
 
 Float = NDArray[np.float64]
@@ -107,6 +108,8 @@ class Patches:
         keys, patch = np.unique(region_k[corner] * n_points + self.point_k[corner], return_inverse=True)
         self._patch_k = np.full(len(self.point_k), -1)
         self._patch_k[corner] = patch
+        # sums over the corners of cells that are at each patch' vertex
+        self._at_corner = csr_array((np.ones(len(patch)), (patch, np.arange(len(patch)))), (len(keys), len(patch)))
         self.region_p, point_p = np.divmod(keys, max(n_points, 1))
         self.centre_px = polygons.points_nx[point_p]
         self._shared = _Shared(stresses.system.comm, self.centre_px, self.region_p, self._border(within, sizes))
@@ -123,22 +126,29 @@ class Patches:
 
     def recovered(self, u: Vec, wanted: tuple[str, ...]) -> Recovered:
         """Tensors of a state; all ranks call this together."""
-        n_monomials = len(exponents(self.degree))
-        sums = {name: np.zeros((len(self.centre_px), n_monomials, len(COMPONENTS[name]))) for name in wanted}
+        return self.recovered_and_means(u, wanted)[0]
+
+    def recovered_and_means(self, u: Vec, wanted: tuple[str, ...]) -> tuple[Recovered, dict[str, Float]]:
+        """The same, and the means of the cells as :meth:`tmc_vem.system.stress.Stresses.cell_means` has them."""
+        n_monomials, n_cells = len(exponents(self.degree)), self._polygons.n_cells
+        parts = {name: np.zeros((self._at_corner.shape[1], n_monomials, len(COMPONENTS[name]))) for name in wanted}
+        means = {name: np.full((n_cells, len(COMPONENTS[name])), np.nan) for name in wanted}
         for states, tensors in self._stresses.at_points(u):
-            for patch_cv, shift_cvmm, moment_cqm in self._around(states.cells, states.w_cq, states.X_cqx):
+            for corner_cv, _, shift_cvmm, moment_cqm in self._around(states.cells, states.w_cq, states.X_cqx):
                 for name in wanted:
                     of_cells = np.swapaxes(moment_cqm, 1, 2) @ tensors[name]
-                    np.add.at(sums[name], patch_cv, shift_cvmm @ of_cells[:, None])
+                    parts[name][corner_cv] = shift_cvmm @ of_cells[:, None]
+                    means[name][states.cells] = mean_of(name, states.w_cq, tensors)
         found = {}
-        for name, sum_pmt in sums.items():
-            together = self._shared.added(sum_pmt.reshape(len(sum_pmt), -1)).reshape(sum_pmt.shape)
+        for name, part_kmt in parts.items():
+            sums = self._at_corner @ part_kmt.reshape(len(part_kmt), -1)
+            together = self._shared.added(sums).reshape(-1, *part_kmt.shape[1:])
             found[name] = self._inverse_pmm @ together
-        return Recovered(self, found)
+        return Recovered(self, found), means
 
-    def _around(self, cells: Int, w_cq: Float, X_cqx: Float) -> list[tuple[Int, Float, Float]]:
-        """Cells of equally many sides: their patches (n, n_sides), what takes monomials about their centres to those of
-        patches (n, n_sides, n_monomials, n_monomials), and the former at their points, times weights."""
+    def _around(self, cells: Int, w_cq: Float, X_cqx: Float) -> list[tuple[Int, Int, Float, Float]]:
+        """Cells of equally many sides: their corners and patches (n, n_sides), what takes monomials about their centres
+        to those of patches (n, n_sides, n_monomials, n_monomials), and the former at their points, times weights."""
         offsets, found = self._polygons.offsets, []
         sides = (offsets[cells + 1] - offsets[cells]) // self._order
         if not len(cells):
@@ -155,7 +165,8 @@ class Patches:
             (centre_cx[:, None] - self.centre_px[patch_cv]) / scale_cv[..., None],
             scale_c[:, None] / scale_cv,
         )
-        found.append((patch_cv, shift_cvmm, moment_cqm))
+        corner_cv = offsets[cells][:, None] // self._order + np.arange(sides[0])
+        found.append((corner_cv, patch_cv, shift_cvmm, moment_cqm))
         return found
 
     def _inverses(self) -> Float:
@@ -163,7 +174,7 @@ class Patches:
         n = len(exponents(self.degree))
         gram_pmm = np.zeros((len(self.centre_px), n, n))
         for states in self._stresses.system.point_states(self._stresses.system.create_vector()):
-            for patch_cv, shift_cvmm, moment_cqm in self._around(states.cells, states.w_cq, states.X_cqx):
+            for _, patch_cv, shift_cvmm, moment_cqm in self._around(states.cells, states.w_cq, states.X_cqx):
                 area_c = states.w_cq.sum(axis=1)
                 centre_cx = (states.w_cq[:, None] @ states.X_cqx)[:, 0] / area_c[:, None]
                 xi = (states.X_cqx - centre_cx[:, None]) / np.sqrt(area_c)[:, None, None]

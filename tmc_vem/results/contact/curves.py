@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.problems.contact_probe import pair_name
+from tmc_vem.problems.contact_quantities import pair_name
 from tmc_vem.results.contact.facing import facing
 from tmc_vem.results.contact.traction import Traction
 from tmc_vem.support.errors import InputError

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.problems.contact_probe import pair_name
+from tmc_vem.problems.contact_quantities import pair_name
 from tmc_vem.results.contact.bump import Bump, vanishes
 from tmc_vem.results.contact.facing import Facing, facing
 from tmc_vem.results.contact.traction import Traction
@@ -16,33 +15,11 @@ from tmc_vem.results.contact.traction import Traction
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
-Quantities = Mapping[str, float]
 
-SHOWN_OF_BODY, SHOWN_OF_PAIR = ("force",), ("force", "pressure_max", "half_width")
 CLOSED = 0.1  # contact is where the gap has shrunk to less than this part of what it was
 LEVEL = 0.5  # of the largest pressure: what is above it makes the width
 FADED = 0.1  # of the largest pressure: contact has ended where it is below
 ROUNDING = 1e-9  # of positions, relative to the length of a contact
-
-
-def is_pair(values: Quantities) -> bool:
-    """Whether quantities are those of a pair."""
-    return "pressure_max" in values
-
-
-def shown(contact: Mapping[str, Quantities]) -> dict[tuple[str, str], float]:
-    """What is said of contact that is not in the files alone, by name of body or pair, and quantity.
-
-    The force on the only body is left out if it faces itself: it is none but for what holds the medium.
-    """
-    pairs = [name for name, values in contact.items() if is_pair(values)]
-    alone = len(contact) - len(pairs) == 1 and bool(pairs)
-    return {
-        (name, quantity): values[quantity]
-        for name, values in contact.items()
-        for quantity in (SHOWN_OF_PAIR if name in pairs else () if alone else SHOWN_OF_BODY)
-        if quantity in values
-    }
 
 
 @dataclass(frozen=True)
@@ -74,7 +51,7 @@ def pairs_of(traction: Traction, seen: Facing) -> list[Pair]:
 
 def measure(traction: Traction) -> dict[str, dict[str, float]]:
     """What is reported of a state, by name of body and of pair: see
-    :data:`tmc_vem.problems.contact_probe.OF_BODY` and ``OF_PAIR``.
+    :data:`tmc_vem.problems.contact_quantities.OF_BODY` and ``OF_PAIR``.
 
     As long as the gap is open, widths are 0 and there is no centre. A half width is left out where the pressure is that
     of no round contact.

@@ -1,0 +1,46 @@
+"""What is reported of contact: forces of the medium on bodies, and contact of outlines that face each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from tmc_vem.support.units import ENERGY, FORCE, LENGTH, STRESS
+
+# Quantities with their kind; of a pair, the force is that on the first body.
+OF_BODY: Mapping[str, str] = {"force": FORCE, "force_x": FORCE, "force_y": FORCE, "moment": ENERGY}
+OF_PAIR: Mapping[str, str] = {
+    **OF_BODY,
+    "gap": LENGTH,
+    "pressure_max": STRESS,
+    "pressure_fit": STRESS,
+    "half_width": LENGTH,
+    "contact_length": LENGTH,
+    "centre_x": LENGTH,
+    "centre_y": LENGTH,
+}
+SHOWN_OF_BODY, SHOWN_OF_PAIR = ("force",), ("force", "pressure_max", "half_width")
+
+
+def pair_name(bodies: Sequence[str], pair: tuple[int, int]) -> str:
+    """Name of a pair of outlines: those of its bodies."""
+    return "-".join(bodies[body] for body in pair)
+
+
+def is_pair(values: Mapping[str, float]) -> bool:
+    """Whether quantities are those of a pair."""
+    return "pressure_max" in values
+
+
+def shown(contact: Mapping[str, Mapping[str, float]]) -> dict[tuple[str, str], float]:
+    """What is said of contact that is not in the files alone, by name of body or pair, and quantity.
+
+    The force on the only body is left out if it faces itself: it is none but for what holds the medium.
+    """
+    pairs = [name for name, values in contact.items() if is_pair(values)]
+    alone = len(contact) - len(pairs) == 1 and bool(pairs)
+    return {
+        (name, quantity): values[quantity]
+        for name, values in contact.items()
+        for quantity in (SHOWN_OF_PAIR if name in pairs else () if alone else SHOWN_OF_BODY)
+        if quantity in values
+    }
