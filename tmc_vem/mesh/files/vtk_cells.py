@@ -5,7 +5,7 @@ Types and orders of nodes: vtkCellType.h and the classes named there, https://vt
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ SOLIDS = {
     27: "quadratic pyramid", 42: "polyhedron", 71: "Lagrange tetrahedron", 72: "Lagrange hexahedron",
     73: "Lagrange wedge",
 }  # fmt: skip
+# cell data of files of results, in which points are there once for each region that they are of
+OF_RESULTS = {"region", "min_J", "energy_density"}
 
 
 @dataclass
@@ -78,6 +80,8 @@ def to_record(cells: VtkCells, reading: Reading) -> Record:
         InputError: the arrays do not fit together, or a cell is no plane cell.
     """
     cells.check()
+    if cells.data.keys() >= OF_RESULTS:
+        cells = _joined_regions(cells)
     loops: list[Int] = []
     owners: list[int] = []
     pairs: list[list[int]] = []
@@ -132,6 +136,12 @@ def to_record(cells: VtkCells, reading: Reading) -> Record:
         (np.array(single_owners, dtype=np.int64), np.array(singles, dtype=np.int64)),
     )  # fmt: skip
     return record
+
+
+def _joined_regions(cells: VtkCells) -> VtkCells:
+    """The same cells with points at exactly the same place as one."""
+    points, number = np.unique(cells.points, axis=0, return_inverse=True)
+    return replace(cells, points=points, connectivity=number.reshape(-1)[cells.connectivity])
 
 
 def _one_a_cell(data: Data) -> dict[str, NDArray[np.generic]]:
