@@ -60,7 +60,7 @@ class System:
         """Displacements (2 n,) at a load, by Newton's method from those at another.
 
         Raises:
-            NotConvergedError: not within 60 iterations.
+            NotConvergedError: not within 60 iterations, or no step has J > 0.
         """
         held = np.array(list(self.held), dtype=np.int64)
         free = np.setdiff1d(np.arange(len(u)), held)
@@ -77,6 +77,8 @@ class System:
             self.iterations += 1
             fraction = self._fraction(u, r, step, moving=iteration == 0)
             u = u + fraction * step
+            if not np.isfinite(self.energy(u)):
+                raise NotConvergedError(f"no admissible step at load {load:g}: a cell would be turned inside out")
             jump = jump * (1.0 - fraction)
             r = self.forces(u)
             scale = np.abs(r[held]).max()

@@ -60,8 +60,8 @@ def cbox(cells: Sequence[int], loads: Sequence[float], penalty: float, points: s
 
 
 def hertz(uy: float, penalty: float, points: str = "gauss 4") -> dict[str, Any]:
-    """Line contact of demos/problems/hertz.toml on triangles, pressed by ``-u_y``: force of the half, and half width and
-    peak pressure of a fit of p^2 over x^2 where p is more than half of the largest.
+    """Line contact of demos/problems/hertz.toml on triangles, pressed by ``-u_y``: force of the half, and half width
+    and peak pressure of a fit of p^2 over x^2 where p is more than half of the largest.
     """
     problem, _ = read_problem(HERTZ, {"mesh.cells": "triangles"})
     mesh = problem.make_mesh()

@@ -14,11 +14,13 @@ from tmc_vem.mesh import PolygonMesh
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 sys.path.append(str(BENCHMARKS))
 
+import conventional_medium as medium  # noqa: E402
 from conventional import lagrange, neohooke, solve, studies  # noqa: E402
 from conventional.body import Body, with_middles  # noqa: E402
 from conventional.contact import Contact, both_ways, nearest, rule  # noqa: E402
 from conventional.faces import solids  # noqa: E402
 from conventional.solve import System  # noqa: E402
+from pages import verification  # noqa: E402
 
 K, MU = 20.0, 10.0
 
@@ -246,3 +248,46 @@ def test_box_has_the_reaction_of_another_program():
     """Of an independent program with the same mesh, penalty and faces."""
     found = studies.box([20, 10], [0.4, 0.7], 1e4)
     assert found["reactions"] == pytest.approx([0.011146, 0.025534], rel=2e-4)
+
+
+def test_pages_extrapolate_with_the_powers_of_gamma_and_of_the_penalty():
+    assert verification.limit([7.0, *(2 + 3 * gamma**0.6 for gamma in (1e-4, 1e-5))]) == pytest.approx(2.0, rel=1e-13)
+    assert verification.stiff(5 - 2 / 1e3, 5 - 2 / 1e4) == pytest.approx(5.0, rel=1e-13)
+
+
+def fake(function, *arguments):
+    """Reactions that exceed conventional ones by gamma^0.6, which lack 1 over the penalty."""
+    if function is medium.reactions:
+        _, _, gamma, loads = arguments
+        return [load * (1 + gamma**0.6) for load in loads]
+    if function is medium.hertz:
+        return dict.fromkeys(("force", "half_width", "peak"), 2.0 * (1 + arguments[0] ** 0.6))
+    if function is studies.hertz:
+        return dict.fromkeys(("force", "half_width", "peak"), 2.0 * (1 - 1 / arguments[1]))
+    _, loads, penalty, points = arguments
+    return {"reactions": [load * (1 - 1 / penalty) * (1.01 if points == "gauss 10" else 1) for load in loads]}
+
+
+def test_pages_compare_medium_limit_and_conventional_contact():
+    row = verification.reactions(fake).splitlines()[3]
+    assert row.split(" | ")[0].strip("| ") == "box, u_y = -0.7"
+    assert "(+0.40 %)" in row.split(" | ")[1]
+    assert row.split(" | ")[4] == "7.00000e-01 (+0.00 %)"
+    assert row.split(" | ")[5:] == ["7.00000e-01", "1.00 % |"]
+    assert "C-box, u_y = -0.5" in verification.reactions(fake).splitlines()[-1]
+    assert verification.reactions(fake).splitlines()[-1].split(" | ")[3] == "refused"
+    force = verification.hertz(fake).splitlines()[2].split(" | ")
+    assert force[4:6] == ["2.00000 (+0.00 %)", "2.00000"]
+    width = verification.hertz(fake).splitlines()[3].split(" | ")[-1]
+    assert float(width.strip("| ")) == pytest.approx(np.sqrt(4 * 2 * 2.0 / (np.pi * 1000 / (2 * 0.91))), abs=1e-5)
+
+
+def test_a_step_that_turns_cells_inside_out_is_refused(monkeypatch):
+    monkeypatch.setattr(solve, "SMALLEST_STEP", 1.0)  # whole steps only
+    body = mixed()
+    held = {2 * n + i: -float(i == 1 and body.X_ni[n, 1] > 0.8) for n in range(len(body.X_ni)) for i in (0, 1)
+            if body.X_ni[n, 1] > 0.8 or body.X_ni[n, 1] == 0.0}  # fmt: skip
+    system = System(body, [], held)
+    with pytest.raises(solve.NotConvergedError, match="turned inside out"):
+        system.equilibrium(np.zeros(2 * len(body.X_ni)), 2.0)
+    assert np.isfinite(system.energy(system.equilibrium(np.zeros(2 * len(body.X_ni)), 0.1)))
