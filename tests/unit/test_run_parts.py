@@ -129,11 +129,11 @@ def test_the_result_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
         _imbalance=lambda r, forces: 0.125,
         _between_the_points=lambda u: {"inverted_cells": {"m": 2}, "dense_min_j": {"m": -1.0}},
         _units=lambda record: {"of": record.step},
-        contact=SimpleNamespace(traction=lambda *given: said.append(("traction", *given))),
+        contact=SimpleNamespace(curves=lambda *given: said.append(("curves", *given))),
     )  # fmt: skip
     outcome = SteppingResult(0.5, False, "why", 7, 11, None, 13, "PORD")
     found = rec.finish(outcome, "u", "direct", cut_short=True)
-    assert said == [("residual", "u", "r"), ("traction", "u", "r"), (2, 0.75, "u")]
+    assert said == [("residual", "u", "r"), ("curves", "u", "r"), (2, 0.75, "u")]
     assert found.curves is None
     assert found.checks == {
         "imbalance": 0.125, "regulariser_energy": 9.0, "inverted_cells": {"m": 2}, "dense_min_j": {"m": -1.0},
