@@ -81,6 +81,14 @@ def step_limit(comm: Comm, steps: Iterable[float]) -> float:
     return float(comm.allreduce(min(steps, default=np.inf), op=MPI.MIN))
 
 
+def extent(comm: Comm, points_nx: Float) -> float:
+    """Larger side of the box around the points (n, 2) of all ranks."""
+    mine = [points_nx.min(axis=0), points_nx.max(axis=0)] if len(points_nx) else []
+    corners = [corner for part in comm.allgather(mine) for corner in part]
+    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    return float(np.max(high - low))
+
+
 def reaction(comm: Comm, residual: Vec, nodes: Int, component: int) -> float:
     """Sum over all ranks of a residual's component at nodes, numbered as in this rank's part of the vector."""
     array = DISPLACEMENT.nodal(residual.getArray(readonly=True))

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import NDArray
 
 from tmc_vem.mesh.locate import TOLERANCE
@@ -19,14 +18,14 @@ from tmc_vem.support.memory import give_back
 from tmc_vem.support.parallel import on_every_rank
 from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constrained import Constrained
-from tmc_vem.system.constraints import Condition, Pair, is_called
+from tmc_vem.system.constraints import Condition, Pair
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
 from tmc_vem.system.point_states import PointStates
-from tmc_vem.system.reduction import Shares, at_named_points, reaction, resultant, step_limit
+from tmc_vem.system.reduction import Shares, at_named_points, extent, reaction, resultant, step_limit
 from tmc_vem.system.sides import Sides
 from tmc_vem.system.unloaded import Unloaded, require_regions
 from tmc_vem.vem.blocks import CHUNK, Block, RegionKernel, make_blocks
@@ -37,6 +36,7 @@ from tmc_vem.vem.facets.penalty import InteriorPenalty, SideTerms
 from tmc_vem.vem.insertion import CellTerms, MatrixInsertion, Terms
 from tmc_vem.vem.kernel.cells import CellValues
 from tmc_vem.vem.loads import body_load, sides_along
+from tmc_vem.vem.named_nodes import marked_here
 from tmc_vem.vem.near_null_space import rigid_motions
 from tmc_vem.vem.pattern import parallel_matrix, serial_matrix
 from tmc_vem.vem.point_states import point_states
@@ -88,7 +88,7 @@ class VemSystem(Unloaded):
         self._constrained = self._constrained_local.renumbered(self.dofmap.owned_node_n)
         groups = element_groups(distributed.mesh, self.settings, distributed.cell_ids)
         self.blocks = on_every_rank(self.comm, lambda: make_blocks(distributed, self.dofmap, groups, kernels))
-        self.size = self._extent()
+        self.size = extent(self.comm, distributed.mesh.points_vx)
         self.penalty: InteriorPenalty | None = None
         if any(kernels[region].sides is not None for region in self.regions):
             direct = (self.dofmap.owned_node_n >= 0) & ~self._is_constrained().any(axis=1)
@@ -443,19 +443,7 @@ class VemSystem(Unloaded):
         Raises:
             InputError: no rank has anything of that name.
         """
-        mesh = self.distributed.mesh
-        vertices = [vertex for name, vertex in mesh.named_points.items() if is_called(name, where)]
-        known = self.comm.allreduce(bool(vertices) or where in mesh.named_edges, op=MPI.LOR)
-        if not known:
-            raise InputError(f"the mesh has neither a point nor edges named '{where}'")
-        here = np.zeros(self.dofmap.n_nodes)
-        here[self.dofmap.vertex_nodes[vertices]] = 1.0
-        pairs = mesh.named_edges.get(where)
-        if pairs is not None and len(pairs):
-            ordered = {tuple(sorted(pair)): e for e, pair in enumerate(self.distributed.edges.vertices_ev.tolist())}
-            edges = [ordered[tuple(sorted(pair))] for pair in pairs.tolist()]
-            here[self.dofmap.vertex_nodes[np.unique(pairs)]] = 1.0
-            here[self.dofmap.edge_nodes[edges].ravel()] = 1.0
+        here = marked_here(self.distributed, self.dofmap, where)
         # a rank may share an end vertex of an edge that lies on another rank only: let all ranks know
         total = self.dofmap.dm.createGlobalVec()
         self._add(np.repeat(here, 2), total)
@@ -463,13 +451,6 @@ class VemSystem(Unloaded):
         total.destroy()
         nodes: Int = np.flatnonzero(marked)
         return nodes
-
-    def _extent(self) -> float:
-        points = self.distributed.mesh.points_vx
-        mine = [points.min(axis=0), points.max(axis=0)] if len(points) else []
-        corners = [corner for part in self.comm.allgather(mine) for corner in part]
-        low, high = np.min(corners, axis=0), np.max(corners, axis=0)
-        return float(np.max(high - low))
 
     def _local_values(self, u: Vec) -> Float:
         self.dofmap.dm.globalToLocal(u, self._local)
