@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,18 +17,22 @@ from tmc_vem.simulation.problem_file import read_problem
 HERTZ = Path(__file__).resolve().parents[1] / "demos" / "problems" / "hertz.toml"
 
 
-def reactions(name: str, cells: Sequence[int], gamma: float, loads: Sequence[float]) -> list[float]:
-    """Reactions of box or C-box (of quadrilaterals) at displacements ``-u_y`` of the load, which must increase."""
+def limits(name: str, cells: Sequence[int], gamma: float, loads: Sequence[float]) -> list[dict[str, Any]]:
+    """Reactions of box or C-box (of quadrilaterals) at displacements ``-u_y`` of the load, which must increase: ``at``
+    three gammas a decade apart, and the limit that the program gives with its ``uncertainty``."""
     size, most = (cells[0], cells[1]), loads[-1]
     problem: Problem
     if name == "box":
         problem = Box(cells=size, medium=Medium(gamma=gamma, alpha_r=1.0), uy=-most)
     else:
         problem = CBox(cells=size, medium=angle_medium(gamma, 1.0), solid_cells="quadrilaterals", uy=-most)
-    result = run(problem, None, RunOptions(output_loads=tuple(load / most for load in loads)))
+    options = RunOptions(output_loads=tuple(load / most for load in loads), extrapolate_gamma="path")
+    result = run(problem, None, options)
     assert result.complete, result.reason
-    steps = {round(step.load * most, 9): step.reaction for step in result.history}
-    return [abs(float(steps[round(load, 9)])) for load in loads]
+    assert result.limit is not None
+    found = {round(abs(point.displacement), 9): point.values["reaction"] for point in result.limit.path}
+    wanted = [found[round(load, 9)] for load in loads]
+    return [{"at": list(each.at), "limit": each.value, "uncertainty": each.uncertainty} for each in wanted]
 
 
 def hertz(gamma: float) -> dict[str, float]:

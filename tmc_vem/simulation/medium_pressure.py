@@ -18,7 +18,6 @@ from tmc_vem.support.distributed import Vec
 from tmc_vem.system.discretisation import Discretisation
 
 Float = NDArray[np.float64]
-REGULARISER = "alpha_r"  # the parameter that is 0 without the regulariser
 
 
 class MediumPressure:
@@ -39,9 +38,9 @@ class MediumPressure:
         for states in self._system.point_states(u):
             if states.region not in self._stress:
                 continue
-            parameters = {**states.parameters, REGULARISER: 0.0}
+            # a regulariser is one of the second gradient, and without that there is none
             G = None if states.G_cqijk is None else np.zeros_like(states.G_cqijk)
-            P, _ = self._stress[states.region].at(states.F_cqij, G, parameters)
+            P, _ = self._stress[states.region].at(states.F_cqij, G, states.parameters)
             pressure = normal_pressure(states.F_cqij, P)
             weight = states.w_cq * np.linalg.det(states.F_cqij)
             found[states.cells] = (weight * pressure).sum(axis=1) / weight.sum(axis=1)

@@ -9,7 +9,6 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.support.settings import about, described
 from tmc_vem.support.validation import check_fields, require_finite, require_known, require_positive, shown
 from tmc_vem.system.fem_settings import FemSettings
-from tmc_vem.system.tensors import DEFAULT, require_fields
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 METHODS = ("vem", "fem")
@@ -104,7 +103,7 @@ class RunOptions:
         metadata=about("Write them once more, cut into triangles, in which all filters of VTK are exact."),
     )
     fields: str = field(
-        default=",".join(DEFAULT),
+        default="cauchy_stress,von_mises",
         metadata=about(
             "Stress and strain in them, of cells and recovered at points: names with commas between, or none. Names: "
             "cauchy_stress, first_piola_stress, deformation_gradient, von_mises, principal_stress_1 to _3, "
@@ -121,6 +120,8 @@ class RunOptions:
         return () if names == ("none",) else names
 
     def __post_init__(self) -> None:
+        from tmc_vem.system.tensors import require_fields  # with numpy, which options themselves do not need
+
         check_fields(self)
         if not 0 <= self.snapshots <= 10_000:
             raise InputError(f"snapshots = {self.snapshots}: use 0 to 10000")

@@ -169,7 +169,6 @@ SCALARS: Mapping[str, Scalar] = {
         DEFORMATION, log_strain, [f"log_strain_{of}" for of in ("xx", "yy", "xy")], NONE, "logarithmic strain"
     ),
 }  # fmt: skip
-DEFAULT = (CAUCHY, "von_mises")
 
 
 def require_fields(names: tuple[str, ...]) -> None:

@@ -150,6 +150,16 @@ def make_blocks(
     return [gathered.block(distributed, dofmap) for gathered in found.values()]
 
 
+def resisting_forces(blocks: Iterable[Block], u_ni: Float, chosen_c: NDArray[np.bool_]) -> Float:
+    """(n_nodes, 2) residual of some cells (n_cells,) of the local mesh alone, at displacements of the nodes."""
+    total = np.zeros_like(u_ni)
+    for block in blocks:
+        chosen = np.flatnonzero(chosen_c[block.cells])
+        if len(chosen):
+            block.kernel.cells(block.batch.take(chosen), u_ni, block.parameters, total)
+    return total
+
+
 class _Gatherer:
     """A block whose groups come one after the other.
 

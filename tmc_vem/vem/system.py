@@ -28,7 +28,7 @@ from tmc_vem.system.point_states import PointStates
 from tmc_vem.system.reduction import Shares, at_named_points, extent, reaction, resultant, step_limit
 from tmc_vem.system.sides import Sides
 from tmc_vem.system.unloaded import Unloaded, require_regions
-from tmc_vem.vem.blocks import CHUNK, Block, RegionKernel, make_blocks
+from tmc_vem.vem.blocks import CHUNK, Block, RegionKernel, make_blocks, resisting_forces
 from tmc_vem.vem.dense import smallest_jacobians
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.facets.exchange import Halo
@@ -242,15 +242,7 @@ class VemSystem(Unloaded):
     def internal_forces(self, u: Vec, chosen_c: Bool) -> Float:
         """(n_owned_nodes, 2) forces with which some cells of all ranks resist at this rank's nodes."""
         u_nodes = self._local_values(u)
-        total = np.zeros_like(u_nodes)
-
-        def compute() -> None:
-            for block in self.blocks:
-                chosen = np.flatnonzero(chosen_c[block.cells])
-                if len(chosen):
-                    block.kernel.cells(block.batch.take(chosen), u_nodes, block.parameters, total)
-
-        self._together(compute)
+        total = self._together(lambda: resisting_forces(self.blocks, u_nodes, chosen_c))
         vector = self.create_vector()
         self._add(total.ravel(), vector)
         return DISPLACEMENT.nodal(vector.getArray(readonly=True)).copy()
