@@ -24,6 +24,7 @@ from tmc_vem.simulation.gauge import Gauge
 from tmc_vem.simulation.measured import Reading
 from tmc_vem.simulation.overlap import OverlapWatch, Refusal, _normal, _Outline
 from tmc_vem.simulation.recorder import Recorder
+from tmc_vem.simulation.words import title_of
 from tmc_vem.solve.newton import Iteration, NewtonResult
 from tmc_vem.solve.stepping import Step, StepperState
 from tmc_vem.support.errors import InputError
@@ -174,15 +175,15 @@ def test_units_and_title_of_a_record() -> None:
     assert made._units(row) == made._headings(row) == {"gap": "mm", "load_force": "N", "contact.s.force": "N/mm"}
     problem.units = Units
     assert made._headings(row) == {}
-    assert made._title() == "mine, undeformed"
+    assert title_of(made.problem, made.history) == "mine, undeformed"
     made.history = [SimpleNamespace(gap=None, displacement=-0.25)]
-    assert made._title() == "mine at top displacement -0.25"
+    assert title_of(made.problem, made.history) == "mine at top displacement -0.25"
     made.history = [SimpleNamespace(gap=0.123456, displacement=-0.25)]
-    assert made._title() == "mine at top displacement -0.25, gap 0.1235"
+    assert title_of(made.problem, made.history) == "mine at top displacement -0.25, gap 0.1235"
     problem.load = lambda: BodyForce("g", ("s",), (0.0, -1.0))
-    assert made._title() == "mine at displacement -0.25, gap 0.1235"
+    assert title_of(made.problem, made.history) == "mine at displacement -0.25, gap 0.1235"
     problem.load = lambda: CavityPressure("p", "hole", 2.0)
-    assert made._title() == "mine at hole area -0.25, gap 0.1235"
+    assert title_of(made.problem, made.history) == "mine at hole area -0.25, gap 0.1235"
     problem.units = lambda: Units("mm", "N")
     assert [made._units()[name] for name in ("displacement", "reaction")] == ["mm^2", "N/mm^2"]
 

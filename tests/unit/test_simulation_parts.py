@@ -25,8 +25,8 @@ from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.plan import control_path, order_of, run_inputs, snapshot_times
 from tmc_vem.simulation.problem_file import _line
 from tmc_vem.simulation.provenance import versions
-from tmc_vem.simulation.recorder import _reported
 from tmc_vem.simulation.triangulated import Triangulated
+from tmc_vem.simulation.words import reported
 from tmc_vem.solve.path import load_path
 from tmc_vem.solve.stepping import SteppingOptions
 from tmc_vem.support.errors import InputError, TmcError
@@ -325,7 +325,7 @@ def test_a_disk_that_is_full_is_said_with_what_is_left(tmp_path: Path, monkeypat
         f"the checkpoint in {tmp_path} could not be written (No space left on device); the last one is intact: with "
         "more room, run(..., resume=True) goes on"
     )
-    with pytest.raises(TmcError) as caught, _reported(tmp_path):
+    with pytest.raises(TmcError) as caught, reported(tmp_path):
         full()
     assert str(caught.value) == (
         f"{tmp_path} cannot be written (No space left on device); with more room, run(..., resume=True) goes on from "

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem, media_of
-from tmc_vem.problems.columns import KINDS, named_loads, pair_of, quantities_of
 from tmc_vem.results.contact.contact import check_contact
 from tmc_vem.results.contact.curves import ContactCurves
 from tmc_vem.results.contact_files import collect, write_last, write_snapshot
@@ -24,9 +22,8 @@ from tmc_vem.results.energy_balance import energy_balance
 from tmc_vem.results.limit import Lowering, limit_at_end
 from tmc_vem.results.output import SnapshotWriter, gather_fields
 from tmc_vem.results.plausibility import ERROR, WARNING, Evidence, Finding, by_weight, findings_of, limit_findings
-from tmc_vem.results.records import OF, PICTURE, StepRecord
+from tmc_vem.results.records import PICTURE, StepRecord
 from tmc_vem.results.run_result import RunResult
-from tmc_vem.results.unfinished import how_to_go_on
 from tmc_vem.simulation.balance import balance
 from tmc_vem.simulation.checkpoint import DURABLE, Checkpoint, require_same_inputs
 from tmc_vem.simulation.contact_gauge import ContactGauge
@@ -36,16 +33,15 @@ from tmc_vem.simulation.measured import LoadGauge, Reading
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.overlap import OverlapWatch
 from tmc_vem.simulation.provenance import versions
+from tmc_vem.simulation.words import reported, title_of, units_of_columns
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import Step, StepperState, SteppingResult
 from tmc_vem.support.distributed import Vec
-from tmc_vem.support.errors import TmcError
 from tmc_vem.support.parallel import on_every_rank, on_root
 from tmc_vem.support.timing import Timer
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Fields
-from tmc_vem.system.forces import BodyForce
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.stress import Stresses
 
@@ -113,7 +109,7 @@ class Recorder:
             record, self._read = self._measure(step, u)
             self._add_to_history(record)
         if self._snapshots is not None:
-            with self.timer("snapshots"), _reported(self._snapshots.directory):
+            with self.timer("snapshots"), reported(self._snapshots.directory):
                 if self._snapshots.offer(step.number, step.time, u):
                     assert step.newton.residual is not None  # it has converged
                     self._write_contact(step.number, self.contact.curves(u, step.newton.residual))
@@ -191,7 +187,7 @@ class Recorder:
         if self.lowered.records or self.history[0].as_row().keys() != record.as_row().keys():
             self._rewrite_history(directory)
             return
-        with _reported(directory.path):
+        with reported(directory.path):
             on_root(self.system.comm, lambda: directory.add_step(record, self._headings(record)))
 
     def _rewrite_history(self, directory: RunDirectory) -> None:
@@ -202,7 +198,7 @@ class Recorder:
         units = {
             name: unit for record in rows[-1:] + self.history[-1:] for name, unit in self._headings(record).items()
         }
-        with _reported(directory.path):
+        with reported(directory.path):
             on_root(self.system.comm, lambda: directory.rewrite_history(rows, units))
 
     def restore(self, u: Vec) -> tuple[States, StepperState]:
@@ -271,7 +267,7 @@ class Recorder:
             }
         if self.directory is not None:
             directory, units = self.directory, self._units()
-            with _reported(directory.path):
+            with reported(directory.path):
                 on_root(self.system.comm, lambda: directory.begin({**self._facts, "units": units}, locked=locked))
 
     def finish(
@@ -297,7 +293,7 @@ class Recorder:
             curves = self.contact.curves(u, residual)
         if self._snapshots is not None and self.history:
             last = self.history[-1]
-            with self.timer("snapshots"), _reported(self._snapshots.directory):
+            with self.timer("snapshots"), reported(self._snapshots.directory):
                 if self._snapshots.write(last.step, last.coordinate, u):
                     self._write_contact(last.step, curves)
         with self.timer("check"):
@@ -355,7 +351,7 @@ class Recorder:
         )
         if self.directory is not None:
             directory = self.directory
-            with _reported(directory.path):
+            with reported(directory.path):
                 if curves is not None:
                     on_root(self.system.comm, lambda: write_last(directory.path, curves, self.problem.units()))
                 on_root(self.system.comm, lambda: directory.write_result(result))
@@ -372,7 +368,7 @@ class Recorder:
         from tmc_vem.report.figures import draw_deformed
 
         try:
-            draw_deformed(fields, path, title=self._title())
+            draw_deformed(fields, path, title=title_of(self.problem, self.history))
         except OSError as error:
             text = f"{path.name} could not be written: {error.strerror or error}"
             self.findings.append(Finding(WARNING, text))
@@ -480,46 +476,12 @@ class Recorder:
     def _units(self, record: StepRecord | None = None) -> dict[str, str]:
         """Units of the columns of the history; without a record, of those that every step will have."""
         kinds = {name: probe.kind for name, probe in self.gauge.probes.items()}
-        named = named_loads(self.problem)
-        by_name = {load.name + OF + quantity: KINDS[quantity] for load in named for quantity in quantities_of(load)}
-        first = dict(zip(("displacement", "reaction"), pair_of(self.problem.load()), strict=True))
-        kinds |= by_name | {name: KINDS[quantity] for name, quantity in first.items()}
         kinds |= self.contact.kinds(record.contact if record else {})
-        by_region = [f"{group}{name}" for group in ("min_j_", "energy_") for name in self.problem.regions()]
-        columns = (
-            ["displacement", *self.gauge.probes, "reaction", *by_region, *by_name]
-            if record is None
-            else record.as_row()
-        )
-        return self.problem.units().of_columns(columns, kinds)
+        return units_of_columns(self.problem, kinds, record)
 
     def _headings(self, record: StepRecord) -> dict[str, str]:
         """Units that stand in the headings of history.csv: those that the problem declares."""
         return self._units(record) if self.problem.units().declared else {}
-
-    def _title(self) -> str:
-        if not self.history:
-            return f"{self.problem.name}, undeformed"
-        last = self.history[-1]
-        gap = "" if last.gap is None else f", gap {last.gap:.4g}"
-        load = self.problem.load()
-        where = "" if isinstance(load, BodyForce) else f"{load.where} "
-        return f"{self.problem.name} at {where}{pair_of(load)[0]} {last.displacement:g}{gap}"
-
-
-@contextmanager
-def _reported(directory: Path) -> Iterator[None]:
-    """Say in one line that a file could not be written; called on all ranks together.
-
-    Raises:
-        TmcError: the disk is full, for example.
-    """
-    try:
-        yield
-    except OSError as error:
-        reason, how = error.strerror or str(error), how_to_go_on(directory)
-        after = f"; with more room, {how} from the last checkpoint" if how else ""
-        raise TmcError(f"{directory} cannot be written ({reason}){after}") from error
 
 
 def _nodal(vector: Vec) -> Float:
