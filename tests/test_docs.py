@@ -22,13 +22,16 @@ PAGES = (
         for name in (
             "check-and-sweep",
             "contact-forces",
+            "contact-forces",
             "fenicsx",
             "hanging-nodes",
+            "limit",
             "own-mesh",
             "paraview",
             "probes",
             "restart",
             "solver-options",
+            "stress",
         )
     ),
 )

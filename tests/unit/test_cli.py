@@ -50,7 +50,7 @@ def test_fields_hold_quadratic_quadrilaterals(tmp_path: Path) -> None:
     assert tmc("run", "box", *SHORT, "--snapshots", "1", "--out", str(out), "--quiet").returncode == 0
     mesh = meshio.read(next(out.glob("fields/*.vtu")))
     assert [(block.type, block.data.shape) for block in mesh.cells] == [("quad8", (100, 8))]
-    assert set(mesh.cell_data) == {"J", "min_J", "energy_density", "region", "medium"}
+    assert set(mesh.cell_data) == {"J", "min_J", "energy_density", "region", "medium", "cauchy_stress", "von_mises"}
     displacement = mesh.point_data["displacement"]
     load_point = ((mesh.points[:, :2] - (1.0, 0.5)) ** 2).sum(axis=1).argmin()
     assert displacement[load_point, 1] == pytest.approx(-0.05)
