@@ -21,7 +21,7 @@ class Contact(Probe):
     """A quantity of contact.
 
     Attributes:
-        quantity: one of :data:`tmc_vem.problems.contact_quantities.OF_PAIR`; of a body, one of ``OF_BODY``.
+        quantity: one of ``OF_PAIR`` of :mod:`tmc_vem.problems.contact_quantities`; of a body, one of ``OF_BODY``.
         of: name of a body, or of two that face each other, as ``block-seal``.
     """
 

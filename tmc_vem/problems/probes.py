@@ -53,8 +53,8 @@ class Known:
 class Probe:
     """Something that is measured at every load step, as a frozen dataclass; its words in a message are ``str``.
 
-    How each kind is read is in :data:`tmc_vem.simulation.gauge.READERS`, how it is written in a problem file in
-    :data:`tmc_vem.problems.probe_table.KINDS`.
+    How each kind is read is in ``READERS`` of :mod:`tmc_vem.simulation.gauge`, how it is written in a problem file in
+    ``KINDS`` of :mod:`tmc_vem.problems.probe_table`.
     """
 
     @property

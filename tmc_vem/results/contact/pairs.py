@@ -51,7 +51,7 @@ def pairs_of(traction: Traction, seen: Facing) -> list[Pair]:
 
 def measure(traction: Traction) -> dict[str, dict[str, float]]:
     """What is reported of a state, by name of body and of pair: see
-    :data:`tmc_vem.problems.contact_quantities.OF_BODY` and ``OF_PAIR``.
+    ``OF_BODY`` of :mod:`tmc_vem.problems.contact_quantities` and ``OF_PAIR``.
 
     As long as the gap is open, widths are 0 and there is no centre. A half width is left out where the pressure is that
     of no round contact.

@@ -2,8 +2,8 @@
 
 The force of a node divided by the length that it stands for is the nominal traction. Divided by the deformed length it
 is the true one, which has a pressure, positive in compression, and a shear along the line. In the plane the length is
-stretched by |cof F N|, which is |F T|: the surface itself says what it is. So sums over nodes are the integrals of
-these curves, exactly.
+stretched by ``|cof F N|``, which is ``|F T|``: the surface itself says what it is. So sums over nodes are the integrals
+of these curves, exactly.
 """
 
 from __future__ import annotations
