@@ -6,7 +6,7 @@ All places, lengths and areas are those of the reference configuration.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -54,7 +54,7 @@ class FieldProbe(Probe):
 
     field: str
 
-    def require_across(self, names: list[str], regions: Mapping[str, RegionEnergy]) -> None:
+    def require_across(self, names: Sequence[str], regions: Mapping[str, RegionEnergy]) -> None:
         """Check that regions have the stress across the plane, if the field needs it.
 
         Raises:
@@ -107,9 +107,8 @@ class ValueAt(FieldProbe):
             known.require_region(self.region)
 
     def examine(self, mesh: PolygonMesh, regions: Mapping[str, RegionEnergy]) -> None:
-        """Check that the field is known there."""
-        names = [self.region] if self.region else [name for name, of in regions.items() if not of.is_medium]
-        self.require_across(names, regions)
+        """Check that the field is known in the region, if there is one; else it is once the cell is found."""
+        self.require_across([self.region] if self.region else [], regions)
 
     def __str__(self) -> str:
         place = self.at if isinstance(self.at, str) else f"({self.at[0]:g}, {self.at[1]:g})"
@@ -167,12 +166,11 @@ class Over(FieldProbe):
             known.require_region(self.region)
 
     def examine(self, mesh: PolygonMesh, regions: Mapping[str, RegionEnergy]) -> None:
-        """Check that edges are there, and that the field is known there."""
+        """Check that edges are there, and that the field is known in the region, if there is one."""
         if self.edges is not None and self.edges not in mesh.named_edges:
             known = ", ".join(mesh.named_edges) or "none"
             raise InputError(f"the mesh has no edges '{self.edges}' (there are: {known})")
-        names = [self.region] if self.region else [name for name, of in regions.items() if not of.is_medium]
-        self.require_across(names, regions)
+        self.require_across([self.region] if self.region else [], regions)
 
     def __str__(self) -> str:
         parts = [f"over {self.region}"] if self.is_area else []
