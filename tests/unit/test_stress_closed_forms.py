@@ -99,7 +99,7 @@ def test_a_ring_under_pressure_has_the_stress_of_lame(tmp_path: Path) -> None:
 
 
 def test_a_cantilever_has_the_stress_of_beam_theory(tmp_path: Path) -> None:
-    """sigma = M y / I, tension on the side that is stretched, and a parabola of shear: 3/2 of its mean in the middle."""
+    """sigma = M y / I, tension where it is stretched, and a parabola of shear, 3/2 of its mean in the middle."""
     block = [Rectangle("block", 0.0, LONG, 0.0, 1.0)]
     mesh = structured_quadrilaterals(np.linspace(0.0, LONG, 21), np.linspace(0.0, 1.0, 3), block)
     result = solved(tmp_path, mesh, BEAM)
