@@ -12,6 +12,7 @@ from tmc_vem.mesh.files.io import write_mesh
 from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.simulation.problem_file import read_problem
+from tmc_vem.support.errors import InputError
 
 K, MU = 20.0, 10.0
 INNER, OUTER, PRESSURE = 1.0, 2.0, 1e-3
@@ -96,6 +97,17 @@ def test_a_ring_under_pressure_has_the_stress_of_lame(tmp_path: Path) -> None:
         mises = np.sqrt(0.5 * ((hoop - radial) ** 2 + (radial - zz) ** 2 + (zz - hoop) ** 2))
         found = [values[f"{place}_{field}"] for field in fields]
         assert found == pytest.approx([hoop, radial, zz, mises, zz], abs=0.01 * PRESSURE), place
+
+
+def test_a_cut_that_ends_in_a_body_is_refused_and_one_beyond_its_outline_is_in_equilibrium(tmp_path: Path) -> None:
+    """The sides nearest to an oblique cut end beyond it at the outline: a line that ends there would lose them."""
+    out = np.array([np.cos(0.62), np.sin(0.62)])
+    cut = "[probes]\np = {{ cut_force = 'normal', line = [{}, {}] }}\n"
+    for low, high in ((INNER, OUTER + 0.1), (INNER - 0.1, 1.8), (1.2, 1.8)):
+        with pytest.raises(InputError, match=r"p: the cut from .* ends in block, whose cells it parts up to .*outside"):
+            solved(tmp_path, quarter_ring(12, 4), RING + cut.format((low * out).tolist(), (high * out).tolist()))
+    text = RING + cut.format((0.8 * out).tolist(), (2.2 * out).tolist())
+    assert solved(tmp_path, quarter_ring(12, 4), text).probes["p"] == pytest.approx(PRESSURE * INNER, rel=0.01)
 
 
 def test_a_cantilever_has_the_stress_of_beam_theory(tmp_path: Path) -> None:

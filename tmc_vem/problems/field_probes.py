@@ -17,7 +17,7 @@ from tmc_vem.problems.probes import Known, Place, Probe
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import AREA, ENERGY, FORCE, LENGTH, NONE, STRESS, VOLUME
 from tmc_vem.support.validation import check_fields, require_choice, require_finite
-from tmc_vem.system.cut import cut_points
+from tmc_vem.system.cut import cut_points, going_on
 from tmc_vem.system.tensors import SCALARS
 
 if TYPE_CHECKING:
@@ -251,8 +251,15 @@ class CutForce(Probe):
         """Check that the line cuts something."""
         cut = [self.region] if self.region else [name for name, of in regions.items() if not of.is_medium]
         chosen_c = np.isin(np.array(mesh.region_names)[mesh.region_c], cut)
-        if not len(cut_points(mesh.points_vx, mesh.cell_offsets, mesh.cell_vertices, chosen_c, self.line)[1]):
+        cells = mesh.points_vx, mesh.cell_offsets, mesh.cell_vertices, chosen_c
+        if not len(cut_points(*cells, self.line)[1]):
             raise InputError(f"the cut from {said_line(self.line)} goes through no inner side of {' or '.join(cut)}")
+        beyond = going_on(*cells, self.line)
+        if len(beyond):
+            raise InputError(
+                f"the cut from {said_line(self.line)} ends in {' or '.join(cut)}, whose cells it parts up to "
+                f"({beyond[0, 0]:g}, {beyond[0, 1]:g}): let the line end outside of it, a cell from its outline"
+            )
 
     def __str__(self) -> str:
         words = {"normal": "normal force", "shear": "shear force", "moment": "moment"}
