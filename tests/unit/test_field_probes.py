@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers_forces import interpolated
 from helpers_plate import LEFT_AND_BOTTOM, file_of
 from helpers_system import interpolate, problem_system
 from scipy.optimize import brentq
@@ -146,6 +147,33 @@ def test_integrals_of_known_states_of_several_regions() -> None:
     assert values["u"] == pytest.approx(1.8 * 0.3 * (0.2 * 1.0 + 0.05 * 0.25), rel=1e-9)
     assert values["energy"] == pytest.approx(values["densities"], rel=1e-12)
     assert values["densest"] == pytest.approx(values["densities"] / 0.54, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["vem", "fem"])
+@pytest.mark.parametrize("name", ["gamma", "medium.gamma"])
+def test_stresses_follow_parameters_that_the_path_changes(method, name) -> None:
+    """A lowered or continued gamma is that of the stress; of a single region, its own alone."""
+    problem = Probed(Box(cells=(20, 5)), {"p": Over("cauchy_stress_xy", "mean", "medium")})
+    if method == "vem":
+        system = problem_system(problem)
+    else:
+        pytest.importorskip("dolfinx")
+        from mpi4py import MPI
+
+        from tmc_vem.fem.system import FemSystem
+
+        system = FemSystem(MPI.COMM_SELF, problem.make_mesh, problem.regions(), problem.prescribed())
+    slope = np.array([[0.1, -0.3], [0.2, 0.05]])
+    u = interpolated(system, lambda x: x @ slope.T)
+    of = problem.regions()["medium"]
+    gauge = Gauge(problem, system)
+    for gamma in (of.values["gamma"], 0.3):
+        system.set_parameters({name: gamma})
+        P, across = stress_of(of.integrand).at(
+            (np.eye(2) + slope)[None], np.zeros((1, 2, 2, 2)), {**of.values, "gamma": gamma}
+        )
+        expected = values_of("cauchy_stress_xy", tensors_of((np.eye(2) + slope)[None], P, across))[0]
+        assert gauge.read(u, system.create_vector())["p"] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -132,6 +132,8 @@ def test_plot_draws_a_field_or_says_what_there_is(written: RunResult, tmp_path: 
         ),
         (["--field", "mises"], "unknown field 'mises': the files hold ux, uy"),
         (["--range", "1", "0"], "range = 1 0: give the smaller number first"),
+        (["--range", "0", "inf"], "range = inf must be a finite number"),
+        (["--at", "nan"], "at = nan must be a finite number"),
     ):
         refused = CliRunner().invoke(plot, [directory, *arguments, "--out", str(tmp_path)])
         assert refused.exit_code != 0
@@ -166,7 +168,42 @@ def test_what_an_energy_does_not_say_is_withheld(tmp_path: Path) -> None:
     assert fields.point_fields["cauchy_stress"][:, 0] == pytest.approx(10.0 * (1.21 - 1.0) / 1.1, rel=1e-6)
     shown = field_figure(result, Shown("von_mises"))[0].axes[0].texts
     assert [text.get_text() for text in shown] == ["no value: the energy does not use F[2][2]"]
-    probe = '[probes]\nv = { largest = "von_mises", region = "block" }\n'
-    path.write_text(path.read_text() + probe)
-    with pytest.raises(InputError, match=r"v: von_mises needs the stress across the plane, which region 'block' lacks"):
-        run(read_problem(path)[0], None, RunOptions(steps=1))
+    text = path.read_text()
+    for probe in (
+        'largest = "von_mises", region = "block"',
+        'largest = "von_mises", line = [[0.0, 0.5], [2.0, 0.5]]',
+        'mean = "von_mises", edges = "top"',
+        'value = "von_mises", at = [0.5, 0.5]',
+    ):
+        path.write_text(f"{text}[probes]\nv = {{ {probe} }}\n")
+        with pytest.raises(InputError, match=r"v: von_mises needs the stress across the plane, which region 'block' l"):
+            run(read_problem(path)[0], None, RunOptions(steps=1))
+
+
+TWO = """name = "two"
+mesh = { cells = "quadrilaterals", size = 0.5 }
+edges = { bottom = { line = [[0.0, 0.0], [1.0, 0.0]] }, top = { line = [[0.0, 1.0], [1.0, 1.0]] } }
+support = [{ at = "bottom", ux = 0, uy = 0 }, { at = "top", ux = 0 }]
+load = { at = "top", uy = -0.02 }
+[shapes]
+low = { rectangle = [0.0, 0.0, 1.0, 0.5] }
+high = { rectangle = [0.0, 0.5, 1.0, 1.0] }
+[regions]
+low = { shape = "low", solid = { K = 20, mu = 10 } }
+high = { shape = "high", density = "flat.py:flat" }
+"""
+
+
+def test_probes_are_refused_where_the_stress_across_is_not_known_and_nowhere_else(tmp_path: Path) -> None:
+    """The third medium counts as well, and a line in the region that has it does not ask for the other one."""
+    (tmp_path / "flat.py").write_text(ENERGY)
+    path = tmp_path / "two.toml"
+    line = "p = {{ largest = 'von_mises', line = [[0.2, {}], [0.8, {}]] }}\n"
+    below = "[probes]\nq = { value = 'von_mises', at = [0.3, 0.3] }\n" + line.format(0.1, 0.4)
+    path.write_text(TWO + below)
+    assert run(read_problem(path)[0], None, RunOptions(steps=1)).probes["p"] > 0.0
+    for extra in ("", ", is_medium = true"):
+        across = "[probes]\n" + line.format(0.1, 0.9)
+        path.write_text(TWO.replace('"flat.py:flat"', f'"flat.py:flat"{extra}') + across)
+        with pytest.raises(InputError, match=r"p: von_mises needs .*, which region 'high' lacks"):
+            run(read_problem(path)[0], None, RunOptions(steps=1))

@@ -57,7 +57,10 @@ def plot(
     from tmc_vem.report.run_page import contact_page, run_page
     from tmc_vem.report.write import write_page
     from tmc_vem.results.run_result import RunResult
+    from tmc_vem.support.validation import require_finite
 
+    if load is not None:
+        require_finite("at", load)
     result = RunResult.read(run_dir)
     shown = Shown(field, math.inf if load is None else load, with_medium, span)
     page = (

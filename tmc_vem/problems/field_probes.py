@@ -6,7 +6,7 @@ All places, lengths and areas are those of the reference configuration.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -17,7 +17,7 @@ from tmc_vem.problems.probes import Known, Place, Probe
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import AREA, ENERGY, FORCE, LENGTH, NONE, STRESS, VOLUME
 from tmc_vem.support.validation import check_fields, require_choice, require_finite
-from tmc_vem.system.cut import cut_points
+from tmc_vem.system.cut import cut_points, going_on
 from tmc_vem.system.tensors import SCALARS
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class FieldProbe(Probe):
 
     field: str
 
-    def require_across(self, names: list[str], regions: Mapping[str, RegionEnergy]) -> None:
+    def require_across(self, names: Sequence[str], regions: Mapping[str, RegionEnergy]) -> None:
         """Check that regions have the stress across the plane, if the field needs it.
 
         Raises:
@@ -107,9 +107,8 @@ class ValueAt(FieldProbe):
             known.require_region(self.region)
 
     def examine(self, mesh: PolygonMesh, regions: Mapping[str, RegionEnergy]) -> None:
-        """Check that the field is known there."""
-        names = [self.region] if self.region else [name for name, of in regions.items() if not of.is_medium]
-        self.require_across(names, regions)
+        """Check that the field is known in the region, if there is one; else it is once the cell is found."""
+        self.require_across([self.region] if self.region else [], regions)
 
     def __str__(self) -> str:
         place = self.at if isinstance(self.at, str) else f"({self.at[0]:g}, {self.at[1]:g})"
@@ -167,12 +166,11 @@ class Over(FieldProbe):
             known.require_region(self.region)
 
     def examine(self, mesh: PolygonMesh, regions: Mapping[str, RegionEnergy]) -> None:
-        """Check that edges are there, and that the field is known there."""
+        """Check that edges are there, and that the field is known in the region, if there is one."""
         if self.edges is not None and self.edges not in mesh.named_edges:
             known = ", ".join(mesh.named_edges) or "none"
             raise InputError(f"the mesh has no edges '{self.edges}' (there are: {known})")
-        names = [self.region] if self.region else [name for name, of in regions.items() if not of.is_medium]
-        self.require_across(names, regions)
+        self.require_across([self.region] if self.region else [], regions)
 
     def __str__(self) -> str:
         parts = [f"over {self.region}"] if self.is_area else []
@@ -253,8 +251,15 @@ class CutForce(Probe):
         """Check that the line cuts something."""
         cut = [self.region] if self.region else [name for name, of in regions.items() if not of.is_medium]
         chosen_c = np.isin(np.array(mesh.region_names)[mesh.region_c], cut)
-        if not len(cut_points(mesh.points_vx, mesh.cell_offsets, mesh.cell_vertices, chosen_c, self.line)[1]):
+        cells = mesh.points_vx, mesh.cell_offsets, mesh.cell_vertices, chosen_c
+        if not len(cut_points(*cells, self.line)[1]):
             raise InputError(f"the cut from {said_line(self.line)} goes through no inner side of {' or '.join(cut)}")
+        beyond = going_on(*cells, self.line)
+        if len(beyond):
+            raise InputError(
+                f"the cut from {said_line(self.line)} ends in {' or '.join(cut)}, whose cells it parts up to "
+                f"({beyond[0, 0]:g}, {beyond[0, 1]:g}): let the line end outside of it, a cell from its outline"
+            )
 
     def __str__(self) -> str:
         words = {"normal": "normal force", "shear": "shear force", "moment": "moment"}

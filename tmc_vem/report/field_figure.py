@@ -14,6 +14,7 @@ from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import nearest, read_fields, record_of, snapshots
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import LENGTH, NONE, STRESS, Units
+from tmc_vem.support.validation import require_finite
 from tmc_vem.system.fields import Fields
 from tmc_vem.system.tensors import SCALARS, values_of
 
@@ -46,6 +47,8 @@ class Shown:
     span: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
+        for end in self.span or ():
+            require_finite("range", end)
         if self.span is not None and not self.span[0] < self.span[1]:
             raise InputError(f"range = {self.span[0]:g} {self.span[1]:g}: give the smaller number first")
 

@@ -85,7 +85,8 @@ class FieldReader:
         self._polygons = system.output_polygons()
         self._region_c = np.array(self._polygons.region_names)[self._polygons.region_c]
         self._is_medium_c = np.isin(self._region_c, media_of(problem))
-        integrands = {name: region.integrand for name, region in problem.regions().items()}
+        self._regions = problem.regions()
+        integrands = {name: region.integrand for name, region in self._regions.items()}
         self._stresses = Stresses(system, integrands)
         self._patches = Patches(self._stresses, self._polygons, system.order)
         self._corners = [
@@ -123,14 +124,21 @@ class FieldReader:
     def _locate(self, name: str, probe: FieldProbe) -> None:
         if isinstance(probe, ValueAt):
             self._points[name] = self._cell_at(probe.at, probe.region)
+            self._require_known(probe, self._points[name][0])
         if not isinstance(probe, Over) or probe.is_area:
             return
         starts, ends, cell_p = self._along_line(probe) if probe.line is not None else self._along_edges(probe)
         pieces = Pieces(self._system, starts, ends, cell_p, self._system.order)
         if not len(pieces.every_nx):
             raise InputError(f"{probe} goes through no cell{f' of {probe.region}' if probe.region else ''}")
+        self._require_known(probe, pieces.cell_n)
         moves = Places(self._system, pieces.every_nx) if probe.field in DISPLACEMENTS else None
         self._pieces[name] = pieces, moves
+
+    def _require_known(self, probe: FieldProbe, cell_n: Int) -> None:
+        """Check that the regions of cells, those of all ranks, have the field."""
+        parts = self._system.comm.allgather(np.unique(self._region_c[cell_n]).tolist())
+        probe.require_across(sorted({name for part in parts for name in part}), self._regions)
 
     def _cell_at(self, at: Place, region: str | None) -> tuple[Int, Float]:
         """The cell of a point, on the rank that has it, and the point; nothing on others."""

@@ -42,6 +42,29 @@ def cut_points(
     return left_c, np.flatnonzero(at_left & at_right & between), np.flatnonzero((at_left | at_right) & between)
 
 
+def going_on(
+    points_nx: Float, offsets: Int, connectivity: Int, chosen_c: Bool, line: Sequence[Sequence[float]]
+) -> Float:
+    """(n, 2) points beyond the ends of a line to which sides that it cuts go: there are some if it ends in a body.
+
+    The arguments are those of :func:`cut_points`, of a whole mesh.
+    """
+    start, end = (np.asarray(point, dtype=float) for point in line)
+    left_k = np.repeat(sides_of(points_nx, offsets, connectivity, line), np.diff(offsets))
+    following = np.arange(1, len(connectivity) + 1)
+    following[offsets[1:] - 1] = offsets[:-1]
+    pairs = np.column_stack([connectivity, connectivity[following]])
+    chosen_k = np.repeat(chosen_c, np.diff(offsets))
+    at_left, at_right = (
+        {(int(a), int(b)) for a, b in np.sort(pairs[chosen_k & (left_k == side)], axis=1)} for side in (True, False)
+    )
+    sides = np.array(sorted(at_left & at_right), dtype=np.int64).reshape(-1, 2)
+    t = (points_nx[sides] - start) @ (end - start) / float((end - start) @ (end - start))
+    within = (t >= -AT_ENDS) & (t <= 1.0 + AT_ENDS)
+    beyond: Float = points_nx[sides[~within & within[:, ::-1]]]
+    return beyond
+
+
 def sides_of(points_nx: Float, offsets: Int, connectivity: Int, line: Sequence[Sequence[float]]) -> Bool:
     """(n_cells,) whether the mean of a cell's points is left of a line, or on it."""
     start, end = (np.asarray(point, dtype=float) for point in line)
