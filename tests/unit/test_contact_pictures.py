@@ -54,6 +54,11 @@ def test_what_probes_are_of() -> None:
     read = contact_reader({"a": Contact("force", "x"), "b": Contact("force", "y")}, None, None)  # type: ignore[arg-type]
     state: Any = SimpleNamespace(contact={"x": {"force": 3.0}})
     assert read(state) == {"a": 3.0, "b": 0.0}
+    apart = {quantity: Contact(quantity, "x-y") for quantity in OF_PAIR}
+    values = contact_reader(apart, None, None)(state)  # type: ignore[arg-type]
+    unknown = [name for name, value in values.items() if math.isnan(value)]
+    assert unknown == ["gap", "pressure_fit", "centre_x", "centre_y"], "a gap of 0 would be a closed one"
+    assert {value for name, value in values.items() if name not in unknown} == {0.0}
     assert Contact("half_width", "a-b").kind == OF_PAIR["half_width"] == "length"
     assert str(Contact("half_width", "a-b")) == "half_width of contact, a-b"
     with pytest.raises(InputError, match=r"unknown contact 'width'.*choose one of force"):

@@ -18,6 +18,8 @@ OF_PAIR: Mapping[str, str] = {
     "centre_x": LENGTH,
     "centre_y": LENGTH,
 }
+# what bodies that do not face each other have no value of, not even 0
+UNKNOWN_APART = ("gap", "pressure_fit", "centre_x", "centre_y")
 SHOWN_OF_BODY, SHOWN_OF_PAIR = ("force",), ("force", "pressure_max", "half_width")
 
 
