@@ -17,7 +17,7 @@ from mpi4py import MPI
 from tmc_vem import Box, Medium, RunOptions, RunResult, run
 from tmc_vem.problems.base import RegionEnergy
 from tmc_vem.problems.wrapped import Wrapped
-from tmc_vem.report.tables import number
+from tmc_vem.report import tables
 from tmc_vem.results.limit import (
     GammaLimit,
     LimitPoint,
@@ -366,7 +366,7 @@ def test_values_that_some_states_do_not_have(missing: int) -> None:
     again = GammaLimit.from_dict(json.loads(text)).values["lid.reaction"].at
     assert "NaN" not in text
     assert again == pytest.approx(at, nan_ok=True)
-    assert number(math.nan) == "–"
+    assert tables.number(math.nan) == "–"
 
 
 def test_too_few_states_have_no_limit() -> None:

@@ -195,9 +195,7 @@ class Recorder:
         rows: list[StepRecord] = []
         for record in self.history:
             rows += [record, *self.lowered.of(record.step)]
-        units = {
-            name: unit for record in rows[-1:] + self.history[-1:] for name, unit in self._headings(record).items()
-        }
+        units = self._units_of(rows) if self.problem.units().declared else {}
         with reported(directory.path):
             on_root(self.system.comm, lambda: directory.rewrite_history(rows, units))
 
@@ -343,7 +341,7 @@ class Recorder:
             seconds=self.timer.report(),
             history=history,
             directory=None if self.directory is None else self.directory.path,
-            units=self._units(history[-1]) if history else {},
+            units=self._units_of([*history, *self.lowered.records]) if history else {},
             cut_short=cut_short and not outcome.complete,
             curves=curves,
             limit=limit,
@@ -478,6 +476,11 @@ class Recorder:
         kinds = {name: probe.kind for name, probe in self.gauge.probes.items()}
         kinds |= self.contact.kinds(record.contact if record else {})
         return units_of_columns(self.problem, kinds, record)
+
+    def _units_of(self, records: Sequence[StepRecord]) -> dict[str, str]:
+        """Units of all columns that some steps have: pairs of outlines, and parameters, come and go."""
+        distinct = {(*record.contact, *record.parameters): record for record in records}
+        return {name: unit for record in distinct.values() for name, unit in self._units(record).items()}
 
     def _headings(self, record: StepRecord) -> dict[str, str]:
         """Units that stand in the headings of history.csv: those that the problem declares."""
