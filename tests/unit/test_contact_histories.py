@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers_traction import LAYERS, changed, solved
+from helpers_traction import LAYERS, LOADED, changed, solve, solved
 
-from tmc_vem import RunResult
+from tmc_vem import RunOptions, RunResult, run
+from tmc_vem.problems import Bodies, Problem, Punch
 from tmc_vem.simulation.contact_gauge import ContactGauge
+from tmc_vem.simulation.problem_file import read_problem
 
+NEWTON = 1e-9  # of the largest force
 SMALL = changed(LAYERS, ("size = 0.2", "size = 0.4"), ("uy = -0.5", "uy = -0.2"), ("steps = 5", "steps = 4"))
 UNITS = changed(SMALL, ("gap =", 'units = { length = "mm", force = "N" }\ngap ='))
 
@@ -36,3 +40,67 @@ def test_pairs_that_come_and_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     for each in (result, again):
         assert each.unit("contact.low-up.force") == each.unit("contact.up.force") == "N/mm"
         assert each.unit("contact.low-up.pressure_max") == "N/mm^2"
+
+
+# A support holds nodes of the outline, and leaves its force there when it ends; gamma is not the same everywhere.
+STAGED = (
+    changed(
+        LOADED,
+        ("size = 0.25", "size = 0.4"),
+        ('regulariser = "huhu_lulu" } }', 'regulariser = "huhu_lulu" }, graded = { gamma = "gamma * (1 + 4 * x)" } }'),
+        ("uy = -0.12", "uy = -0.12\nhistory = [[0, 0], [1, 1], [2, 1]]"),
+        ("steps = 2", "steps = 4"),
+    )
+    + """
+[[stage]]
+name = "held"
+begins = 0
+[[stage]]
+name = "free"
+begins = 1
+[[support]]
+at = "tread"
+ux = 0
+stage = "held"
+"""
+)
+
+
+def test_forces_that_supports_leave_are_no_contact(tmp_path: Path) -> None:
+    """At every step, while such a force goes as well, what the medium does to one body it does to the other."""
+    found = solved(tmp_path, STAGED)
+    assert found.result.complete
+    loads = [step.load for step in found.result.history]
+    assert any(1.0 < load < 2.0 for load in loads), "on the way"
+    for step in found.result.history:
+        base, plug = (step.contact[name] for name in ("base", "plug"))
+        for quantity in ("force_x", "force_y", "moment"):
+            assert base[quantity] == pytest.approx(-plug[quantity], abs=1e-11), step.load
+        assert abs(base["force_x"]) > 1e-5
+    assert max(found.imbalance().values()) < NEWTON
+
+
+@pytest.mark.parametrize(
+    "problem", [Punch(size=0.25), Bodies(size=0.1, discs=2, length=2.0)], ids=lambda problem: type(problem).__name__
+)
+def test_bodies_of_built_in_problems_are_in_balance(problem: Problem) -> None:
+    found = solve(problem, RunOptions(max_iterations=6, snapshots=0))
+    imbalance = found.imbalance()
+    assert len(imbalance) > 1
+    assert max(imbalance.values()) < NEWTON
+    assert max(values["force"] for values in found.result.contact.values()) > 0.0
+
+
+def test_a_run_that_goes_on_has_the_contact_of_one_in_a_piece(tmp_path: Path) -> None:
+    path = tmp_path / "small.toml"
+    path.write_text(changed(SMALL, ("snapshots = 0", "snapshots = 2")))
+    problem, options = read_problem(path)
+    whole = run(problem, tmp_path / "whole", options)
+    part = run(problem, tmp_path / "part", dataclasses.replace(options, max_iterations=4))
+    assert 0 < part.steps < whole.steps
+    again = run(problem, tmp_path / "part", options, resume=True)
+    assert again.complete
+    assert [step.contact for step in again.history] == [step.contact for step in whole.history]
+    names = ["contact.csv", "contact.pvd", *(f"contact/step_{n:05d}.{kind}" for n in (2, 4) for kind in ("csv", "vtu"))]
+    for name in names:
+        assert (tmp_path / "part" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
