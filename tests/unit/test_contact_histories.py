@@ -11,6 +11,7 @@ from helpers_traction import LAYERS, LOADED, changed, solve, solved
 
 from tmc_vem import RunOptions, RunResult, run
 from tmc_vem.problems import Bodies, Problem, Punch
+from tmc_vem.problems.contact_quantities import joint_of
 from tmc_vem.simulation.contact_gauge import ContactGauge
 from tmc_vem.simulation.problem_file import read_problem
 
@@ -89,6 +90,42 @@ def test_bodies_of_built_in_problems_are_in_balance(problem: Problem) -> None:
     assert len(imbalance) > 1
     assert max(imbalance.values()) < NEWTON
     assert max(values["force"] for values in found.result.contact.values()) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("bodies", "joint"),
+    [
+        (["a", "b"], "-"),
+        (["a", "a-2"], "-"),
+        (["a", "b", "a-b"], "--"),
+        (["2", "a", "a-2"], "-"),  # the pair is 2-a
+        (["a", "2", "a-2"], "--"),
+        (["a-b", "c", "a", "b-c"], "--"),
+        (["a", "b", "a-b", "a--b"], "\u2013"),
+        (["a-", "b", "a", "-b"], "\u2013"),
+        ([], "-"),
+    ],
+)
+def test_names_of_bodies_and_pairs_differ(bodies: list[str], joint: str) -> None:
+    assert joint_of(bodies) == joint
+
+
+def test_no_value_of_a_pair_takes_the_place_of_a_body(tmp_path: Path) -> None:
+    """Bodies a, b and a-b, of which a and b face each other; the third one is not in medium."""
+    text = changed(
+        SMALL, ("low", "a"), ("up =", "b ="), ('"up"', '"b"'),
+        ("mid = {", "far = { rectangle = [3, 0, 4, 1] }\nmid = {"),
+        ("medium = { shape", 'a-b = { shape = "far", solid = { E = 1, nu = 0 } }\nmedium = { shape'),
+        ('[[support]]\nat = "left"', '[[support]]\nat = "apart"\nux = 0\nuy = 0\n[[support]]\nat = "left"'),
+        ("bottom = {", "apart = { line = [[3, 0], [4, 0]] }\nbottom = {"),
+        ("[mesh]", '[probes]\np = { contact = "force_y", of = "a--b" }\n'
+                   'q = { contact = "force_y", of = "a-b" }\n[mesh]'),
+    )  # fmt: skip
+    found = solved(tmp_path, changed(text, ("steps = 4", "steps = 1"))).result
+    assert set(found.contact) == {"a", "b", "a--b"}
+    assert found.checks["regulariser_share"].keys() == {"a--b"}
+    assert found.probes["p"] == found.contact["a--b"]["force_y"] < -0.01
+    assert found.probes["q"] == 0.0
 
 
 def test_a_run_that_goes_on_has_the_contact_of_one_in_a_piece(tmp_path: Path) -> None:
