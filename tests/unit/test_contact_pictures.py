@@ -22,6 +22,7 @@ from tmc_vem.report.contact_tables import contact_tables
 from tmc_vem.report.page import Picture, Text
 from tmc_vem.report.run_page import contact_page, run_page
 from tmc_vem.results.contact.curves import ContactCurves
+from tmc_vem.results.contact_table import read_table
 from tmc_vem.simulation.contact_probe import contact_reader
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
@@ -178,3 +179,25 @@ def test_shares_of_the_regulariser() -> None:
     )  # fmt: skip
     assert curves.regulariser_share() == pytest.approx({"a-b": 1.0 - (3.0 + 4.0) / (4.0 + 6.0)})
     assert curves.between("b", "a").tolist() == [False, False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--contact", "--at", "nan"], "--at nan is no load factor"),
+        (["--field", "ux", "--at", "nan"], "--at nan is no load factor"),
+        (["--contact", "--field", "ux"], "--contact shows contact alone, and no use is made of --field: leave one out"),
+        (["--contact", "--with-medium", "--range", "0", "1"], "no use is made of --with-medium, --range"),
+    ],
+)
+def test_options_that_mean_nothing(run: RunResult, options: list[str], says: str) -> None:
+    done = CliRunner().invoke(cli, ["plot", str(run.directory), *options])
+    assert isinstance(done.exception, InputError)
+    assert says in str(done.exception)
+
+
+@pytest.mark.parametrize("text", ["", "a,b\n", "body,faces,closed\n"])
+def test_a_table_of_something_else_is_refused(text: str, tmp_path: Path) -> None:
+    (tmp_path / "contact.csv").write_text(text)
+    with pytest.raises(InputError, match=r"contact\.csv is not a readable table of contact: '(arc_length|body)'"):
+        read_table(tmp_path / "contact.csv")

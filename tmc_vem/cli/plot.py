@@ -58,6 +58,12 @@ def plot(
     from tmc_vem.report.write import write_page
     from tmc_vem.results.run_result import RunResult
 
+    if load is not None and math.isnan(load):
+        raise InputError("--at nan is no load factor: give a number, or leave it out for the last state")
+    others = {"--field": field is not None, "--with-medium": with_medium, "--range": span is not None}
+    given = [name for name, is_given in others.items() if is_given]
+    if contact and given:
+        raise InputError(f"--contact shows contact alone, and no use is made of {', '.join(given)}: leave one out")
     result = RunResult.read(run_dir)
     shown = Shown(field, math.inf if load is None else load, with_medium, span)
     page = (

@@ -47,8 +47,12 @@ def read_table(path: Path) -> ContactCurves:
         InputError: it is missing or not readable.
     """
     try:
-        rows = list(csv.DictReader(io.StringIO(path.read_text())))
-        return _curves([{key.partition(" [")[0]: value for key, value in row.items()} for row in rows])
+        reader = csv.DictReader(io.StringIO(path.read_text()))
+        names = {heading: heading.partition(" [")[0] for heading in reader.fieldnames or ()}
+        missing = {BODY, FACES, CLOSED, *(column.name for column in COLUMNS)} - set(names.values())
+        if missing:
+            raise KeyError(min(missing))
+        return _curves([{names[heading]: value for heading, value in row.items()} for row in reader])
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
     except (KeyError, ValueError, AttributeError, TypeError, IndexError) as error:
