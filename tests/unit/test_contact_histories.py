@@ -12,6 +12,7 @@ from helpers_traction import LAYERS, LOADED, changed, solve, solved
 from tmc_vem import RunOptions, RunResult, run
 from tmc_vem.problems import Bodies, Problem, Punch
 from tmc_vem.problems.contact_quantities import joint_of
+from tmc_vem.results.directory import RunDirectory
 from tmc_vem.simulation.contact_gauge import ContactGauge
 from tmc_vem.simulation.problem_file import read_problem
 
@@ -31,11 +32,19 @@ def test_pairs_that_come_and_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
             running.append(RunResult.read(tmp_path / "run"))
         return {name: values for name, values in calls[-1].items() if name != "low-up" or len(calls) in (2, 3)}
 
+    rewrite, rewritten = RunDirectory.rewrite_history, []
+
+    def counted(self: RunDirectory, records: Any, units: Any) -> None:
+        rewritten.append(len(records))
+        rewrite(self, records, units)
+
     monkeypatch.setattr(ContactGauge, "measured", some)
+    monkeypatch.setattr(RunDirectory, "rewrite_history", counted)
     result = solved(tmp_path, UNITS, tmp_path / "run").result
     again = RunResult.read(tmp_path / "run")
     assert [len(step.contact) for step in result.history] == [2, 3, 3, 2]
     assert [step.contact for step in again.history] == [step.contact for step in result.history]
+    assert rewritten == [2], "with new columns only"
     assert running[0].unfinished == "running"
     assert [step.contact for step in running[0].history] == [step.contact for step in result.history[:3]]
     for each in (result, again):

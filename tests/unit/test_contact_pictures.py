@@ -175,9 +175,9 @@ def test_shares_of_the_regulariser() -> None:
     curves = ContactCurves(
         ("a", "b"), np.array([False]), np.array([0, 0, 1, 1]), np.zeros(4, dtype=int), np.array([1, 1, 0, -1]), zero,
         zero, two, two, two, two, two, np.array([4.0, 1.0, 3.0, 9.0]), zero, np.array([3.0, 9.0, 2.0, 9.0]), zero, zero,
-        np.array([1.0, 1.0, 2.0, 1.0]),
+        np.array([1.0, 1.0, 2.0, 1.0]), "--",
     )  # fmt: skip
-    assert curves.regulariser_share() == pytest.approx({"a-b": 1.0 - (3.0 + 4.0) / (4.0 + 6.0)})
+    assert curves.regulariser_share() == pytest.approx({"a--b": 1.0 - (3.0 + 4.0) / (4.0 + 6.0)})
     assert curves.between("b", "a").tolist() == [False, False, True, False]
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.problems.contact_quantities import joint_of
 from tmc_vem.results.contact.curves import COLUMNS, Column, ContactCurves
 from tmc_vem.results.records import heading
 from tmc_vem.support.errors import InputError
@@ -70,6 +71,7 @@ def _curves(rows: list[dict[str, str]]) -> ContactCurves:
     line = arrays.pop("line_n").astype(np.int64)
     return ContactCurves(
         bodies=bodies,
+        joint=joint_of(bodies),
         closed_l=np.array([rows[first][CLOSED] == "1" for first in np.unique(line, return_index=True)[1].tolist()]),
         body_n=np.array([number[row[BODY]] for row in rows]),
         line_n=line,

@@ -186,7 +186,7 @@ def limit_at_end(
 def limits_of(
     lowering: Lowering, start: StepRecord, below: Sequence[StepRecord], why_not: str = ""
 ) -> dict[str, LimitValue]:
-    """Limits of everything that is reported at any gamma.
+    """Limits of everything that is reported with the problem's gamma.
 
     Args:
         lowering: by how much gamma was lowered.
@@ -199,7 +199,7 @@ def limits_of(
         reached += [record for record in below if lowering.is_at(record, factor)][:1]
     measured = [reported(record) for record in reached]
     found = {}
-    for name in dict.fromkeys(name for each in measured for name in each):
+    for name in measured[0]:
         values = [each.get(name, math.nan) for each in measured]
         at = tuple(values[::PER_DECADE])
         of_all = _ratio(values) if len(values) == len(lowering.factors) else None

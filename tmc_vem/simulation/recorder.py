@@ -85,6 +85,7 @@ class Recorder:
         self._inverted: dict[str, Any] = {}
         self.history: list[StepRecord] = []
         self._plain_history: list[dict[str, Any]] = []
+        self._columns: set[str] = set()  # of history.csv
         self.findings: list[Finding] = []  # about the run as such: its files, for example
         self._facts: dict[str, Any] = {}
         self._order = int(inputs["order"])
@@ -184,7 +185,10 @@ class Recorder:
         if self.directory is None:
             return
         directory = self.directory
-        if self.lowered.records or self.history[0].as_row().keys() != record.as_row().keys():
+        columns = record.as_row().keys()
+        if len(self.history) == 1:
+            self._columns = {*columns}
+        if not columns <= self._columns:  # pairs of outlines and parameters come and go
             self._rewrite_history(directory)
             return
         with reported(directory.path):
@@ -195,6 +199,7 @@ class Recorder:
         rows: list[StepRecord] = []
         for record in self.history:
             rows += [record, *self.lowered.of(record.step)]
+        self._columns = {name for record in rows for name in record.as_row()}
         units = self._units_of(rows) if self.problem.units().declared else {}
         with reported(directory.path):
             on_root(self.system.comm, lambda: directory.rewrite_history(rows, units))

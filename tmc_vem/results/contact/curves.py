@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.problems.contact_quantities import JOINTS, pair_name
+from tmc_vem.problems.contact_quantities import pair_name
 from tmc_vem.results.contact.facing import facing
 from tmc_vem.results.contact.traction import Traction
 from tmc_vem.support.errors import InputError
@@ -71,7 +71,7 @@ class ContactCurves:
     gap_n: Float
     weight_n: Float
     deformed_weight_n: Float
-    joint: str = JOINTS[0]
+    joint: str
 
     def __len__(self) -> int:
         return len(self.line_n)
