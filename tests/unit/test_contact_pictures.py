@@ -22,6 +22,7 @@ from tmc_vem.report.contact_tables import contact_tables
 from tmc_vem.report.page import Picture, Text
 from tmc_vem.report.run_page import contact_page, run_page
 from tmc_vem.results.contact.curves import ContactCurves
+from tmc_vem.results.contact_table import read_table
 from tmc_vem.simulation.contact_probe import contact_reader
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
@@ -54,6 +55,11 @@ def test_what_probes_are_of() -> None:
     read = contact_reader({"a": Contact("force", "x"), "b": Contact("force", "y")}, None, None)  # type: ignore[arg-type]
     state: Any = SimpleNamespace(contact={"x": {"force": 3.0}})
     assert read(state) == {"a": 3.0, "b": 0.0}
+    apart = {quantity: Contact(quantity, "x-y") for quantity in OF_PAIR}
+    values = contact_reader(apart, None, None)(state)  # type: ignore[arg-type]
+    unknown = [name for name, value in values.items() if math.isnan(value)]
+    assert unknown == ["gap", "pressure_fit", "centre_x", "centre_y"], "a gap of 0 would be a closed one"
+    assert {value for name, value in values.items() if name not in unknown} == {0.0}
     assert Contact("half_width", "a-b").kind == OF_PAIR["half_width"] == "length"
     assert str(Contact("half_width", "a-b")) == "half_width of contact, a-b"
     with pytest.raises(InputError, match=r"unknown contact 'width'.*choose one of force"):
@@ -169,7 +175,29 @@ def test_shares_of_the_regulariser() -> None:
     curves = ContactCurves(
         ("a", "b"), np.array([False]), np.array([0, 0, 1, 1]), np.zeros(4, dtype=int), np.array([1, 1, 0, -1]), zero,
         zero, two, two, two, two, two, np.array([4.0, 1.0, 3.0, 9.0]), zero, np.array([3.0, 9.0, 2.0, 9.0]), zero, zero,
-        np.array([1.0, 1.0, 2.0, 1.0]),
+        np.array([1.0, 1.0, 2.0, 1.0]), "--",
     )  # fmt: skip
-    assert curves.regulariser_share() == pytest.approx({"a-b": 1.0 - (3.0 + 4.0) / (4.0 + 6.0)})
+    assert curves.regulariser_share() == pytest.approx({"a--b": 1.0 - (3.0 + 4.0) / (4.0 + 6.0)})
     assert curves.between("b", "a").tolist() == [False, False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--contact", "--at", "nan"], "at = nan must be a finite number"),
+        (["--field", "ux", "--at", "nan"], "at = nan must be a finite number"),
+        (["--contact", "--field", "ux"], "--contact shows contact alone, and no use is made of --field: leave one out"),
+        (["--contact", "--with-medium", "--range", "0", "1"], "no use is made of --with-medium, --range"),
+    ],
+)
+def test_options_that_mean_nothing(run: RunResult, options: list[str], says: str) -> None:
+    done = CliRunner().invoke(cli, ["plot", str(run.directory), *options])
+    assert isinstance(done.exception, InputError)
+    assert says in str(done.exception)
+
+
+@pytest.mark.parametrize("text", ["", "a,b\n", "body,faces,closed\n"])
+def test_a_table_of_something_else_is_refused(text: str, tmp_path: Path) -> None:
+    (tmp_path / "contact.csv").write_text(text)
+    with pytest.raises(InputError, match=r"contact\.csv is not a readable table of contact: '(arc_length|body)'"):
+        read_table(tmp_path / "contact.csv")

@@ -17,6 +17,7 @@ from mpi4py import MPI
 from tmc_vem import Box, Medium, RunOptions, RunResult, run
 from tmc_vem.problems.base import RegionEnergy
 from tmc_vem.problems.wrapped import Wrapped
+from tmc_vem.report import tables
 from tmc_vem.results.limit import (
     GammaLimit,
     LimitPoint,
@@ -26,7 +27,7 @@ from tmc_vem.results.limit import (
     limits_of,
     with_uncertainty,
 )
-from tmc_vem.results.records import StepRecord
+from tmc_vem.results.records import StepRecord, finite
 from tmc_vem.simulation.descent import Descents, lowering_of
 from tmc_vem.simulation.discretised import discretise
 from tmc_vem.simulation.monitor import Monitor
@@ -343,6 +344,35 @@ def test_limits_of_records() -> None:
     assert found["lid.work"].reason == "it is summed along the path, which was gone through with the first gamma"
 
 
+@pytest.mark.parametrize("missing", range(7))
+def test_values_that_some_states_do_not_have(missing: int) -> None:
+    """A half width may be unknown at one gamma: others do not take its place. What the run itself does not
+    know has no limit."""
+    lowering = Lowering({"gamma": 1e-3}, [10.0 ** (-k / 2) for k in range(7)])
+    made = [
+        record(n or 2, parameters={"gamma": 1e-3 * factor}, limit_of=2 if n else None, reaction=3.0 + factor**0.6,
+               forces={} if n == missing else {"lid": {"reaction": 3.0 + factor**0.6}})
+        for n, factor in enumerate(lowering.factors)
+    ]  # fmt: skip
+    found = limits_of(lowering, made[0], made[1:])
+    assert found["reaction"].value == pytest.approx(3.0)
+    if missing == 0:
+        assert "lid.reaction" not in found
+        return
+    lid, at = found["lid.reaction"], found["lid.reaction"].at
+    assert [math.isnan(value) for value in at] == [missing == n for n in (0, 2, 4, 6)]
+    assert missing == 2 or at[1] == pytest.approx(3.0 + 0.1**0.6)
+    if missing == 1:  # of seven the first two are not needed
+        assert (lid.value, lid.reason) == (pytest.approx(3.0), None)
+    else:
+        assert (lid.value, lid.ratio, lid.reason) == (None, None, "it is not a number at every gamma")
+    text = json.dumps(finite(GammaLimit((1e-3,), 3.98, found).as_dict()))
+    again = GammaLimit.from_dict(json.loads(text)).values["lid.reaction"].at
+    assert "NaN" not in text
+    assert again == pytest.approx(at, nan_ok=True)
+    assert tables.number(math.nan) == "–"
+
+
 def test_too_few_states_have_no_limit() -> None:
     some = limits_of(LOWERING, START, BELOW[:4])["reaction"]
     assert (some.value, some.ratio, some.reason) == (None, None, "4 values of gamma, 5 are needed")
@@ -494,4 +524,5 @@ def test_ranks(whole: RunResult, tmp_path: Path) -> None:
     found = limit_of(RunResult.read(out)).values
     for name, entry in limit_of(whole).values.items():
         assert found[name].at == pytest.approx(entry.at, rel=1e-9)
-        assert found[name].value == pytest.approx(entry.value, rel=1e-6)
+        assert found[name].reason == entry.reason
+        assert entry.value is None or found[name].value == pytest.approx(entry.value, rel=1e-6)

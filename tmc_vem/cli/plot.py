@@ -61,6 +61,10 @@ def plot(
 
     if load is not None:
         require_finite("at", load)
+    others = {"--field": field is not None, "--with-medium": with_medium, "--range": span is not None}
+    given = [name for name, is_given in others.items() if is_given]
+    if contact and given:
+        raise InputError(f"--contact shows contact alone, and no use is made of {', '.join(given)}: leave one out")
     result = RunResult.read(run_dir)
     shown = Shown(field, math.inf if load is None else load, with_medium, span)
     page = (

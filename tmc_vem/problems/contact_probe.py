@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tmc_vem.problems.contact_quantities import OF_BODY, OF_PAIR, pair_name
+from tmc_vem.problems.contact_quantities import OF_BODY, OF_PAIR, joint_of, pair_name
 from tmc_vem.problems.probes import Known, Probe
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import check_fields, require_choice
@@ -48,12 +48,12 @@ class Contact(Probe):
 
         solid = np.array([not regions[name].is_medium for name in mesh.region_names], dtype=np.bool_)
         bodies = body_names(mesh, solid[mesh.region_c])
-        numbers = range(len(bodies))
-        pairs = [pair_name(bodies, (a, b)) for a in numbers for b in numbers if a <= b]
+        numbers, joint = range(len(bodies)), joint_of(bodies)
+        pairs = [pair_name(bodies, (a, b), joint) for a in numbers for b in numbers if a <= b]
         if self.of not in (*bodies, *pairs):
             raise InputError(
                 f"of: there is no body or pair '{self.of}': give one of {', '.join(bodies)}, or two of them in this "
-                f"order with a '-' between"
+                f"order with a '{joint}' between"
             )
         if self.of in bodies and self.quantity not in OF_BODY:
             raise InputError(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import sys
 from collections.abc import Mapping, Sequence
 
 from tmc_vem.support.units import ENERGY, FORCE, LENGTH, STRESS
@@ -18,12 +20,28 @@ OF_PAIR: Mapping[str, str] = {
     "centre_x": LENGTH,
     "centre_y": LENGTH,
 }
+JOINTS, FIRST_SIGN = ("-", "--"), 0x2013  # an en dash, and all signs from there on
+# what bodies that do not face each other have no value of, not even 0
+UNKNOWN_APART = ("gap", "pressure_fit", "centre_x", "centre_y")
 SHOWN_OF_BODY, SHOWN_OF_PAIR = ("force",), ("force", "pressure_max", "half_width")
 
 
-def pair_name(bodies: Sequence[str], pair: tuple[int, int]) -> str:
-    """Name of a pair of outlines: those of its bodies."""
-    return "-".join(bodies[body] for body in pair)
+def pair_name(bodies: Sequence[str], pair: tuple[int, int], joint: str) -> str:
+    """Name of a pair of outlines: those of its bodies, with a joint between."""
+    return joint.join(bodies[body] for body in pair)
+
+
+def joint_of(bodies: Sequence[str]) -> str:
+    """What stands between the names of a pair: a hyphen, or else what makes the names of all bodies and pairs differ;
+    with bodies ``a``, ``b`` and ``a-b``, two hyphens. A sign that is in no name always does."""
+    signs = map(chr, range(FIRST_SIGN, sys.maxunicode))
+    return next(each for each in itertools.chain(JOINTS, signs) if _differ(bodies, each))
+
+
+def _differ(bodies: Sequence[str], joint: str) -> bool:
+    pairs = itertools.combinations_with_replacement(range(len(bodies)), 2)
+    names = [*bodies, *(pair_name(bodies, pair, joint) for pair in pairs)]
+    return len(set(names)) == len(names)
 
 
 def is_pair(values: Mapping[str, float]) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -19,8 +20,8 @@ REGULARISER = "energy, regulariser"
 
 
 def number(value: float | None, digits: int = 5) -> str:
-    """Value for a table; a dash if there is none."""
-    return "–" if value is None else f"{value:.{digits - 1}e}"
+    """Value for a table; a dash if there is none, or it is not a number."""
+    return "–" if value is None or math.isnan(value) else f"{value:.{digits - 1}e}"
 
 
 def count(value: int) -> str:

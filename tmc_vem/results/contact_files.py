@@ -72,7 +72,10 @@ def curves_at(result: Written, load: float | None = None) -> ContactCurves:
         raise InputError("the run was kept in memory only: it has no tractions")
     last = result.directory / CONTACT_TABLE
     if not last.exists():
-        raise InputError(f"{result.directory} has no {CONTACT_TABLE}: no solid is in medium, or the run has no result")
+        raise InputError(
+            f"{result.directory} has no {CONTACT_TABLE}: no solid is in medium, the run has no result, or it is one of "
+            "before tractions were written"
+        )
     if load is None:
         return read_table(last)
     fields = nearest(snapshots(result), load).files[0]

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.problems.contact_quantities import joint_of
 from tmc_vem.results.contact.curves import COLUMNS, Column, ContactCurves
 from tmc_vem.results.records import heading
 from tmc_vem.support.errors import InputError
@@ -47,8 +48,12 @@ def read_table(path: Path) -> ContactCurves:
         InputError: it is missing or not readable.
     """
     try:
-        rows = list(csv.DictReader(io.StringIO(path.read_text())))
-        return _curves([{key.partition(" [")[0]: value for key, value in row.items()} for row in rows])
+        reader = csv.DictReader(io.StringIO(path.read_text()))
+        names = {heading: heading.partition(" [")[0] for heading in reader.fieldnames or ()}
+        missing = {BODY, FACES, CLOSED, *(column.name for column in COLUMNS)} - set(names.values())
+        if missing:
+            raise KeyError(min(missing))
+        return _curves([{names[heading]: value for heading, value in row.items()} for row in reader])
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
     except (KeyError, ValueError, AttributeError, TypeError, IndexError) as error:
@@ -66,6 +71,7 @@ def _curves(rows: list[dict[str, str]]) -> ContactCurves:
     line = arrays.pop("line_n").astype(np.int64)
     return ContactCurves(
         bodies=bodies,
+        joint=joint_of(bodies),
         closed_l=np.array([rows[first][CLOSED] == "1" for first in np.unique(line, return_index=True)[1].tolist()]),
         body_n=np.array([number[row[BODY]] for row in rows]),
         line_n=line,

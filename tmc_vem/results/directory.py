@@ -135,18 +135,18 @@ class RunDirectory:
                 write_atomically(self.path / BEGUN, text, durable=False)
 
     def add_step(self, record: StepRecord, units: Mapping[str, str] | None = None) -> None:
-        """Append a row to history.csv.
+        """Append a row to history.csv, whose columns it must not have more than.
 
         Args:
             record: the step.
             units: of columns, for their headings.
         """
         row = _headed(record, units)
-        path = self.path / HISTORY
-        new = not path.exists()
-        with path.open("a", newline="") as file:
-            writer = csv.DictWriter(file, fieldnames=list(row))
-            if new:
+        with (self.path / HISTORY).open("a+", newline="") as file:
+            file.seek(0)
+            columns = next(csv.reader(file), [])
+            writer = csv.DictWriter(file, fieldnames=columns or list(row), restval="")
+            if not columns:
                 writer.writeheader()
             writer.writerow(row)
 

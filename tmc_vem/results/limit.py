@@ -26,7 +26,8 @@ class LimitValue:
         uncertainty: half the width of the interval around it in which the limit is expected in nine of ten cases.
         ratio: of the last two changes over a decade of gamma.
         reason: why the value is withheld; None if it is not.
-        at: the values themselves at :attr:`GammaLimit.gammas`, as far as they were reached.
+        at: the values themselves at :attr:`GammaLimit.gammas`, as far as they were reached; not a number where there
+            was none, as of a pair of outlines that did not face each other.
     """
 
     value: float | None
@@ -105,7 +106,10 @@ class GammaLimit:
 
 
 def _values(data: Mapping[str, Any]) -> dict[str, LimitValue]:
-    return {name: LimitValue(**{**entry, "at": tuple(entry["at"])}) for name, entry in data.items()}
+    def at(entry: Mapping[str, Any]) -> tuple[float, ...]:
+        return tuple(math.nan if value is None else value for value in entry["at"])
+
+    return {name: LimitValue(**{**entry, "at": at(entry)}) for name, entry in data.items()}
 
 
 @dataclass(frozen=True)
@@ -182,7 +186,7 @@ def limit_at_end(
 def limits_of(
     lowering: Lowering, start: StepRecord, below: Sequence[StepRecord], why_not: str = ""
 ) -> dict[str, LimitValue]:
-    """Limits of everything that is reported.
+    """Limits of everything that is reported with the problem's gamma.
 
     Args:
         lowering: by how much gamma was lowered.
@@ -196,7 +200,7 @@ def limits_of(
     measured = [reported(record) for record in reached]
     found = {}
     for name in measured[0]:
-        values = [each[name] for each in measured if name in each]
+        values = [each.get(name, math.nan) for each in measured]
         at = tuple(values[::PER_DECADE])
         of_all = _ratio(values) if len(values) == len(lowering.factors) else None
         if why_not:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmc_vem.results.limit import GammaLimit
-from tmc_vem.results.records import HISTORY, OLDEST, RESULT, SCHEMA, StepRecord, finite, heading
+from tmc_vem.results.records import CONTACT, HISTORY, OLDEST, RESULT, SCHEMA, StepRecord, finite, heading
 from tmc_vem.results.unfinished import unfinished
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import shown
@@ -280,8 +280,15 @@ def _history(path: Path, columns: Mapping[str, str], *, whole: bool) -> list[Ste
         return []  # no step has converged
     if not whole:
         text = text[: text.rfind("\n") + 1]
-    rows = [{columns.get(key, key): value for key, value in row.items()} for row in csv.DictReader(io.StringIO(text))]
-    return [StepRecord.from_row(row) for row in rows]
+    rows = csv.DictReader(io.StringIO(text))
+    return [StepRecord.from_row({_name(key, columns): value for key, value in row.items()}) for row in rows]
+
+
+def _name(heading: str, columns: Mapping[str, str]) -> str:
+    """Name of a column; a run that goes on does not know yet of which pairs of outlines it will have columns."""
+    if heading not in columns and heading.startswith(CONTACT):
+        return heading.rpartition(" [")[0] or heading
+    return columns.get(heading, heading)
 
 
 def _totals(history: Sequence[StepRecord], lowered: Sequence[StepRecord]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from tmc_vem.problems.base import Problem
 from tmc_vem.problems.contact_probe import Contact
+from tmc_vem.problems.contact_quantities import UNKNOWN_APART
 from tmc_vem.simulation.reading import Reader, State
 from tmc_vem.system.discretisation import Discretisation
 
@@ -14,12 +15,14 @@ from tmc_vem.system.discretisation import Discretisation
 def contact_reader(probes: Mapping[str, Contact], problem: Problem, system: Discretisation) -> Reader:
     """What reads such probes.
 
-    Bodies that do not face each other in a state have no force and no width. What is not known of those that do, the
-    half width of a pressure that is no round contact's, is not a number.
+    Bodies that do not face each other in a state have no force, no pressure and no width: 0. Their gap and the centre
+    of their contact are not a number, and neither is what is not known of those that do, the half width of a pressure
+    that is no round contact's.
     """
 
     def value(state: State, probe: Contact) -> float:
+        apart = math.nan if probe.quantity in UNKNOWN_APART else 0.0
         found = state.contact.get(probe.of)
-        return 0.0 if found is None else found.get(probe.quantity, math.nan)
+        return apart if found is None else found.get(probe.quantity, math.nan)
 
     return lambda state: {name: value(state, probe) for name, probe in probes.items()}

@@ -85,6 +85,7 @@ class Recorder:
         self._inverted: dict[str, Any] = {}
         self.history: list[StepRecord] = []
         self._plain_history: list[dict[str, Any]] = []
+        self._columns: set[str] = set()  # of history.csv
         self.findings: list[Finding] = []  # about the run as such: its files, for example
         self._facts: dict[str, Any] = {}
         self._order = int(inputs["order"])
@@ -184,7 +185,10 @@ class Recorder:
         if self.directory is None:
             return
         directory = self.directory
-        if self.lowered.records or self.history[0].as_row().keys() != record.as_row().keys():
+        columns = record.as_row().keys()
+        if len(self.history) == 1:
+            self._columns = {*columns}
+        if not columns <= self._columns:  # pairs of outlines and parameters come and go
             self._rewrite_history(directory)
             return
         with reported(directory.path):
@@ -195,9 +199,8 @@ class Recorder:
         rows: list[StepRecord] = []
         for record in self.history:
             rows += [record, *self.lowered.of(record.step)]
-        units = {
-            name: unit for record in rows[-1:] + self.history[-1:] for name, unit in self._headings(record).items()
-        }
+        self._columns = {name for record in rows for name in record.as_row()}
+        units = self._units_of(rows) if self.problem.units().declared else {}
         with reported(directory.path):
             on_root(self.system.comm, lambda: directory.rewrite_history(rows, units))
 
@@ -343,7 +346,7 @@ class Recorder:
             seconds=self.timer.report(),
             history=history,
             directory=None if self.directory is None else self.directory.path,
-            units=self._units(history[-1]) if history else {},
+            units=self._units_of([*history, *self.lowered.records]) if history else {},
             cut_short=cut_short and not outcome.complete,
             curves=curves,
             limit=limit,
@@ -478,6 +481,11 @@ class Recorder:
         kinds = {name: probe.kind for name, probe in self.gauge.probes.items()}
         kinds |= self.contact.kinds(record.contact if record else {})
         return units_of_columns(self.problem, kinds, record)
+
+    def _units_of(self, records: Sequence[StepRecord]) -> dict[str, str]:
+        """Units of all columns that some steps have: pairs of outlines, and parameters, come and go."""
+        distinct = {(*record.contact, *record.parameters): record for record in records}
+        return {name: unit for record in distinct.values() for name, unit in self._units(record).items()}
 
     def _headings(self, record: StepRecord) -> dict[str, str]:
         """Units that stand in the headings of history.csv: those that the problem declares."""

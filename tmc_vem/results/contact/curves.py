@@ -50,6 +50,7 @@ class ContactCurves:
         gap_n: (n,) distance to what it faces, not a number where there is nothing.
         weight_n: (n,) reference length that a station stands for.
         deformed_weight_n: (n,) the same in the deformed state.
+        joint: what stands between the names of two bodies in that of their pair.
     """
 
     bodies: tuple[str, ...]
@@ -70,6 +71,7 @@ class ContactCurves:
     gap_n: Float
     weight_n: Float
     deformed_weight_n: Float
+    joint: str
 
     def __len__(self) -> int:
         return len(self.line_n)
@@ -97,6 +99,7 @@ class ContactCurves:
             gap_n=seen.gap_n,
             weight_n=surface.weight_n,
             deformed_weight_n=traction.weight_n,
+            joint=surface.joint,
         )
 
     def between(self, body: str, other: str | None = None) -> Bool:
@@ -122,7 +125,7 @@ class ContactCurves:
                 continue
             weight = self.deformed_weight_n[mine]
             own = float(weight @ self.medium_pressure_n[mine]) / float(weight @ self.pressure_n[mine])
-            shares[pair_name(self.bodies, pair)] = 1.0 - own
+            shares[pair_name(self.bodies, pair, self.joint)] = 1.0 - own
         return shares
 
     def lines(self, *, closing: bool = False) -> Iterator[Int]:

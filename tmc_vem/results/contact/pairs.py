@@ -59,7 +59,7 @@ def measure(traction: Traction) -> dict[str, dict[str, float]]:
     surface, seen = traction.surface, facing(traction)
     found = {name: traction.resultant(surface.body_n == body) for body, name in enumerate(surface.bodies)}
     for pair in pairs_of(traction, seen):
-        found[pair_name(surface.bodies, pair.bodies)] = _measure(traction, seen, pair)
+        found[pair_name(surface.bodies, pair.bodies, surface.joint)] = _measure(traction, seen, pair)
     return found
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.mesh.bodies import named_bodies
+from tmc_vem.problems.contact_quantities import joint_of
 from tmc_vem.results.contact.solids import same_points
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.trace import Trace
@@ -39,6 +40,8 @@ class Surface:
         bodies: names of the bodies that have a line: that of their regions, with ``-2``, ``-3``, ... for further ones.
         stations_sa: (n_sides, k + 1) stations of each side, from its first point to its last.
         solid_s, medium_s: (n_sides,) cells on both sides, by position in the polygons.
+        joint: what stands between the names of two bodies in that of their pair; see
+            :func:`tmc_vem.problems.contact_quantities.joint_of`.
     """
 
     points_nx: Float
@@ -50,6 +53,7 @@ class Surface:
     stations_sa: Int
     solid_s: Int
     medium_s: Int
+    joint: str
 
     def __len__(self) -> int:
         return len(self.points_nx)
@@ -153,7 +157,7 @@ class Surface:
         return Surface(
             polygons.points_nx[node_n], np.unique(place_p[node_n], return_inverse=True)[1], line_n, closed_l,
             np.searchsorted(used, body_l), tuple(names[b] for b in used.tolist()), stations, cell_s[inside],
-            cell_s[across],
+            cell_s[across], joint_of(names),
         )  # fmt: skip
 
 
