@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -215,6 +216,25 @@ def test_where_gamma_is_lowered_along_a_path() -> None:
     assert (due(0.11, 0.19, end=0.5), due(0.11, 0.14, end=0.5), due(0.11, 0.15, end=0.5)) == (True, False, True)
     assert (due(0.11, 0.19, stops=(0.15,)), due(0.11, 0.15 - 1e-12, stops=(0.15,))) == (True, True)
     assert (due(0.15, 0.19, stops=(0.15,)), due(0.11, 0.14, stops=(0.15,))) == (False, False)
+
+
+def test_gamma_is_not_lowered_in_vain() -> None:
+    """After a jump nothing has a limit, and elsewhere gamma was another one."""
+    ended: list[str] = []
+    nothing: Any = None
+
+    def descend(*steps: StepRecord) -> list[str]:
+        ended.clear()
+        recorder: Any = SimpleNamespace(
+            history=list(steps), lowered=SimpleNamespace(done={}), inputs={}, end_descent=ended.append
+        )
+        with pytest.raises(AttributeError) if not any(step.jumped for step in steps) else nullcontext():
+            Descents(Lowering({"gamma": 1e-4}, [1.0]), True, (), 1.0, nothing, recorder, nothing).descend(nothing)
+        return list(ended)
+
+    assert descend(record(1), record(2)) == []  # it begins: there is no solver here
+    assert descend(record(1, jumped=True), record(2)) == ["the run jumped to another branch before"]
+    assert descend(record(1), record(2, jumped=True)) == ["the run jumped to another branch before"]
 
 
 def test_paths_that_come_back_branches_and_other_gammas() -> None:

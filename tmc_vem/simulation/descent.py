@@ -102,6 +102,9 @@ class Descents:
         if differing_parameters(start, recorder.inputs):
             recorder.end_descent("gamma or alpha_r was not that of the problem at this load")
             return
+        if any(record.jumped for record in recorder.history):
+            recorder.end_descent("the run jumped to another branch before")  # no limit would be given
+            return
         own = {**start.parameters, **self.lowering.at(1.0)}
         system = self.solver.system
         try:
