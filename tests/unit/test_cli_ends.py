@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,6 +16,7 @@ from click.testing import CliRunner
 from tmc_vem.cli import execute, resume
 from tmc_vem.cli.list import list_runs
 from tmc_vem.cli.plot import animate, plot
+from tmc_vem.report.field_figure import Shown
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.lock import DirectoryLock
 from tmc_vem.results.records import StepRecord
@@ -179,10 +181,11 @@ def test_figures_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyP
     )
     done = CliRunner().invoke(plot, [str(path)], catch_exceptions=False)
     assert done.output == f"{path / 'plots' / 'figures' / 'x.png'}\n{path / 'plots' / 'r'}\n"
+    shown = Shown(None, math.inf, medium=False, span=None)
     CliRunner().invoke(plot, [str(path), "--out", "o", "--quantity", "J", "--states", "2"], catch_exceptions=False)
     assert asked == [
-        {"quantity": "uy", "n_states": 4}, (path / "plots", "run"), {"quantity": "J", "n_states": 2},
-        (Path("o"), "run"),
+        {"quantity": "uy", "n_states": 4, "shown": shown}, (path / "plots", "run"),
+        {"quantity": "J", "n_states": 2, "shown": shown}, (Path("o"), "run"),
     ]  # fmt: skip
 
     def full(*_: Any, **__: Any) -> Any:

@@ -80,7 +80,7 @@ def test_the_report_holds_what_it_promises(compared: Path) -> None:
     content = Content((compared / "report.html").read_text())
     assert content.headings == ["Result", "Problem", "Mesh convergence", "Loading", "Deformed states", "Solution",
                                 "How to repeat this"]  # fmt: skip
-    assert len(content.images) == 9
+    assert len(content.images) == 10
     assert all(source.startswith("data:image/") for source in content.images)
     assert content.tables >= 7
     text = (compared / "report.md").read_text()
@@ -125,7 +125,7 @@ def test_the_page_in_a_browser(compared: Path, tmp_path: Path) -> None:
                f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom")  # fmt: skip
     done = subprocess.run([browser, *options, copy.as_uri()], capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
-    assert 'data-images="9"' in done.stdout
+    assert 'data-images="10"' in done.stdout
     assert 'data-bad="0"' in done.stdout
     assert 'data-wide="false"' in done.stdout
     assert "CONSOLE" not in done.stderr
@@ -143,7 +143,8 @@ def test_list_plot_and_animate(compared: Path, tmp_path: Path) -> None:
     plotted = tmc("plot", str(run), "--out", "plots", "--quantity", "J", cwd=tmp_path)
     assert plotted.returncode == 0, plotted.stderr
     assert {path.name for path in (tmp_path / "plots" / "figures").glob("*.png")} == {
-        "states.png", "loading.png", "smallest-j.png", "energy.png", "newton.png"
+        "states.png", "loading.png", "smallest-j.png", "energy.png", "newton.png", "field-uy.png", "probes-1.png",
+        "contact-tractions.png", "contact-pressure.png",
     }  # fmt: skip
     animated = tmc("animate", str(run), "--out", "box.gif", cwd=tmp_path)
     assert animated.returncode == 0, animated.stderr

@@ -257,9 +257,10 @@ def test_pages_extrapolate_with_the_powers_of_gamma_and_of_the_penalty():
 
 def fake(function, *arguments):
     """Reactions that exceed conventional ones by gamma^0.6, which lack 1 over the penalty."""
-    if function is medium.reactions:
+    if function is medium.limits:
         _, _, gamma, loads = arguments
-        return [load * (1 + gamma**0.6) for load in loads]
+        at = [[-load * (1 + (gamma * part) ** 0.6) for part in (1.0, 0.1, 0.01)] for load in loads]
+        return [{"at": a, "limit": -load, "uncertainty": 0.01 * load} for load, a in zip(loads, at, strict=True)]
     if function is medium.hertz:
         return dict.fromkeys(("force", "half_width", "peak"), 2.0 * (1 + arguments[0] ** 0.6))
     if function is studies.hertz:
@@ -271,11 +272,12 @@ def fake(function, *arguments):
 def test_pages_compare_medium_limit_and_conventional_contact():
     row = verification.reactions(fake).splitlines()[3]
     assert row.split(" | ")[0].strip("| ") == "box, u_y = -0.7"
-    assert "(+0.40 %)" in row.split(" | ")[1]
-    assert row.split(" | ")[4] == "7.00000e-01 (+0.00 %)"
-    assert row.split(" | ")[5:] == ["7.00000e-01", "1.00 % |"]
-    assert "C-box, u_y = -0.5" in verification.reactions(fake).splitlines()[-1]
-    assert verification.reactions(fake).splitlines()[-1].split(" | ")[3] == "refused"
+    assert row.split(" | ")[1] == "1e-04"
+    assert ["(+0.40 %)" in cell for cell in row.split(" | ")[2:5]] == [True, False, False]
+    assert row.split(" | ")[5] == "7.00000e-01 (+0.00 %) ± 1.00 %"
+    assert row.split(" | ")[6:] == ["7.00000e-01", "1.00 % |"]
+    last = verification.reactions(fake).splitlines()[-1]
+    assert last.split(" | ")[:2] == ["| C-box, u_y = -0.5", "3e-04"]
     force = verification.hertz(fake).splitlines()[2].split(" | ")
     assert force[4:6] == ["2.00000 (+0.00 %)", "2.00000"]
     width = verification.hertz(fake).splitlines()[3].split(" | ")[-1]

@@ -24,7 +24,7 @@ OPTIONS = RunOptions(steps=2, snapshots=1)
 
 
 def without_times(result: RunResult) -> dict[str, Any]:
-    plain = asdict(replace(result, seconds={}, directory=None, parallel={}))
+    plain = asdict(replace(result, seconds={}, directory=None, parallel={}, curves=None))
     for record in plain["history"]:
         record["seconds"] = 0.0
     return plain

@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 from tmc_vem.results import export
 from tmc_vem.results.records import StepRecord
 from tmc_vem.results.snapshots import Snapshot, _pieces, nearest, read_fields, record_of, snapshots
 from tmc_vem.results.vtu import VtuWriter
+from tmc_vem.simulation.lowered import Lowered
 from tmc_vem.simulation.recorder import Recorder
 from tmc_vem.solve.stepping import StepperState
 from tmc_vem.support.errors import InputError
@@ -172,9 +174,13 @@ def test_a_run_goes_on_with_all_that_its_checkpoint_has(tmp_path: Path, monkeypa
     vars(made).update(
         directory=SimpleNamespace(path=tmp_path, rewrite_history=lambda *given: said.append(("history", *given))),
         inputs={"a": 1}, _node_labels=labels, watch=SimpleNamespace(go_on=lambda given: said.append(("watch", given))),
-        _on_root=True, _snapshots=SimpleNamespace(restore=lambda given: said.append(("snapshots", given))),
-        _headings=lambda record: {"of": record.step},
-        system=SimpleNamespace(remember=lambda stage, kept: said.append(("stage", stage, [k.tolist() for k in kept]))),
+        _snapshots=SimpleNamespace(restore=lambda given: said.append(("snapshots", given))),
+        lowered=Lowered(), descending=None, problem=SimpleNamespace(units=lambda: Units("mm", "N")),
+        _units_of=lambda rows: {"of": len(rows)}, _on_root=True,
+        system=SimpleNamespace(
+            comm=MPI.COMM_SELF,
+            remember=lambda stage, kept: said.append(("stage", stage, [k.tolist() for k in kept])),
+        ),
         _read_again=lambda u: said.append(("read", u.getArray().tolist())), contact=SimpleNamespace(is_used=False),
     )  # fmt: skip
     u = at(0.0, 0.0)

@@ -146,7 +146,7 @@ def limit_options() -> list[click.Option]:
             RunOptions, "extrapolate_gamma", is_flag=False, flag_value="end", type=click.Choice(["end", PATH]),
             default=None, show_default=False, after=after, callback=_limit,
         ),
-        setting(RunOptions, "gamma_decades", optional=True, after="Default: 2."),
+        setting(RunOptions, "gamma_decades", optional=True),
     ]  # fmt: skip
 
 

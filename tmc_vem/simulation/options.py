@@ -80,7 +80,7 @@ class RunOptions:
         ),
     )
     gamma_decades: int = field(
-        default=2, metadata=about("By how many decades gamma is lowered for its limit, from 2 to 6.")
+        default=2, metadata=about("By how many decades gamma is lowered for its limit, from 2, which is usual, to 6.")
     )
     allow_overlap: bool = field(
         default=False,
