@@ -45,9 +45,13 @@ def out_of_plane_stress(integrand: Integrand) -> OutOfPlane:
     stress = _stress(integrand)
     _, rate = recorded(stress)
     if is_zero(rate):
-        reason = f"energy '{integrand.name}' does not use F[2][2], 1 in plane strain, so it has no out-of-plane stress"
-        return OutOfPlane(None, reason)
+        return OutOfPlane(None, no_stress_across(integrand.name))
     return OutOfPlane(stress)
+
+
+def no_stress_across(name: str) -> str:
+    """Why an energy has no stress across the plane."""
+    return f"energy '{name}' does not use F[2][2], 1 in plane strain, so it has no out-of-plane stress"
 
 
 def _stress(energy: Integrand) -> Integrand:

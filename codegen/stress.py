@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from codegen.errors import CodegenError
 from codegen.integrand import DEFORMATION_GRADIENT, Integrand
 from codegen.layout import Input
+from codegen.out_of_plane import no_stress_across
 from codegen.tape import MathNamespace, Node, ParameterNamespace, Tape, TracedScalar, TracedTensor
-from codegen.trace import trace
+from codegen.trace import compact, reachable, trace
 
 Float = NDArray[np.float64]
 Value = Any  # a number, or an array of the points
@@ -175,35 +176,21 @@ def stress_of(integrand: Integrand) -> Stress:
         MathNamespace(tape),
     )
     assert isinstance(result, TracedScalar)
-    nodes = tape.nodes[: result.index + 1]
-    used = _used(nodes)
-    variables = {str(nodes[n].value) for n in used if nodes[n].op == "variable"}
+    nodes, _ = compact(tape.nodes, reachable(tape.nodes, result.index))
+    variables = {str(node.value) for node in nodes if node.op == "variable"}
     moved: list[bool] = []
-    for n, node in enumerate(nodes):
+    for node in nodes:
         own = node.op == "variable" and str(node.value).startswith("F")
-        moved.append(n in used and (own or any(moved[arg] for arg in node.args)))
-    kept = {old: new for new, old in enumerate(sorted(used))}
-    reason = ""
-    if ACROSS not in variables:
-        reason = f"energy '{integrand.name}' does not use F[2][2], 1 in plane strain, so it has no out-of-plane stress"
+        moved.append(own or any(moved[arg] for arg in node.args))
     return Stress(
         name=integrand.name,
-        nodes=tuple(Node(nodes[n].op, tuple(kept[arg] for arg in nodes[n].args), nodes[n].value) for n in kept),
-        moved=tuple(moved[n] for n in kept),
+        nodes=nodes,
+        moved=tuple(moved),
         uses_second_gradient=any(name.startswith("G") for name in variables),
-        reason=reason,
+        reason="" if ACROSS in variables else no_stress_across(integrand.name),
     )
 
 
 def _variables_of(tape: Tape, entry: Input) -> Callable[[tuple[int, ...]], TracedScalar]:
     """What gives the components of an input, by index."""
     return lambda index: tape.add("variable", value=entry.names[entry.indices.index(index)])
-
-
-def _used(nodes: Sequence[Node]) -> set[int]:
-    """Nodes that the last one depends on, itself included."""
-    used = {len(nodes) - 1}
-    for n in range(len(nodes) - 1, -1, -1):
-        if n in used:
-            used.update(nodes[n].args)
-    return used

@@ -82,12 +82,12 @@ def trace(integrand: Integrand) -> TracedEnergy:
             else "it returned nothing; end it with 'return psi'"
         )
 
-    used = _reachable(tape.nodes, result.index)
+    used = reachable(tape.nodes, result.index)
     variables = {str(tape.nodes[n].value) for n in used if tape.nodes[n].op == "variable"}
     if not variables:
         none = "depends on neither" if tape.inputs[1:] else "does not depend on"
         tape.fail(f"it {none} {tape.names(' nor ')}, so it has no stress; return an energy of the deformation")
-    nodes, index = _compact(tape.nodes, used)
+    nodes, index = compact(tape.nodes, used)
     return TracedEnergy(
         name=integrand.name,
         parameters=integrand.parameter_names,
@@ -111,7 +111,8 @@ def _describe(value: Any) -> str:
     return f"a {type(value).__name__}" if not isinstance(value, (int, float)) else f"the constant {value}"
 
 
-def _reachable(nodes: Sequence[Node], result: int) -> list[int]:
+def reachable(nodes: Sequence[Node], result: int) -> list[int]:
+    """Numbers of the nodes that a result depends on, itself included, in order."""
     seen: set[int] = set()
     stack = [result]
     while stack:
@@ -122,6 +123,7 @@ def _reachable(nodes: Sequence[Node], result: int) -> list[int]:
     return sorted(seen)
 
 
-def _compact(nodes: Sequence[Node], used: Sequence[int]) -> tuple[tuple[Node, ...], dict[int, int]]:
+def compact(nodes: Sequence[Node], used: Sequence[int]) -> tuple[tuple[Node, ...], dict[int, int]]:
+    """Those of the nodes that are used, numbered anew, and the new number of each."""
     index = {old: new for new, old in enumerate(used)}
     return tuple(Node(nodes[n].op, tuple(index[a] for a in nodes[n].args), nodes[n].value) for n in used), index
