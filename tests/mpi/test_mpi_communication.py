@@ -38,7 +38,7 @@ def test_messages_do_not_grow_with_the_mesh(folder: Path) -> None:
     coarse, fine = report_in(folder)["messages"]
     assert coarse["calls"] > 20
     assert fine["largest"] <= 4 * coarse["largest"]
-    assert fine["largest"] < 60_000
+    assert fine["largest"] < 15_000
 
 
 def test_the_root_keeps_its_own_cells_only(folder: Path) -> None:

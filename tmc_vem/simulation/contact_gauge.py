@@ -52,7 +52,7 @@ class ContactGauge:
         on_cells = np.flatnonzero(labels[:, 2] == 0.0)  # the others are moments
         parts = comm.gather((polygons_of(system, tuple(media)), system.cell_numbers(), labels[on_cells, :2]))
         self._surface: Surface | None = None
-        nodes, cells = comm.scatter(on_root(comm, lambda: self._find(parts or (), order)) or ())
+        nodes, cells, self._medium_cells = comm.scatter(on_root(comm, lambda: self._find(parts or (), order)) or ())
         self._nodes = on_cells[nodes]
         self._chosen_c = np.zeros(len(system.cell_numbers()), dtype=np.bool_)
         self._chosen_c[cells] = True
@@ -77,20 +77,21 @@ class ContactGauge:
         return Traction(surface, surface.points_nx + u_ni, surface.share_n[:, None] * force_ni)
 
     def curves(self, u: Vec, residual: Vec) -> ContactCurves | None:
-        """Everything along the surface at a state with its residual, equal on all ranks; None without a surface."""
+        """Everything along the surface at a state with its residual; on rank 0, None elsewhere or without one."""
         traction = self.traction(u, residual)
         if not self.is_used:
             return None
-        parts = self._system.comm.gather(self._medium.of_cells(u))
+        parts = self._system.comm.gather(self._medium.of_cells(u)[self._medium_cells])
 
-        def make() -> ContactCurves:
-            assert traction is not None
+        def make() -> ContactCurves | None:
+            if traction is None:
+                return None
             surface = traction.surface
-            of_side = np.concatenate(parts or [])[surface.medium_s][:, None]
+            of_side = np.concatenate(parts or [])[np.unique(surface.medium_s, return_inverse=True)[1]][:, None]
             weight_sa = surface.length_s[:, None] * surface.trace.mean_a
             return ContactCurves.of(traction, surface.summed(weight_sa * of_side) / surface.weight_n)
 
-        return from_root(self._system.comm, make)
+        return on_root(self._system.comm, make)
 
     def measured(self, traction: Traction | None) -> Contact:
         """What is reported of a state, by name of body and of pair, equal on all ranks; see
@@ -111,8 +112,9 @@ class ContactGauge:
             for quantity, kind in (OF_PAIR if is_pair(values) else OF_BODY).items()
         }
 
-    def _find(self, parts: Sequence[tuple[Polygons, Int, Float]], order: int) -> list[tuple[Int, Int]]:
-        """Nodes that each rank owns, and solid cells that it has, at the surface; to rank 0, which stations they are.
+    def _find(self, parts: Sequence[tuple[Polygons, Int, Float]], order: int) -> list[tuple[Int, Int, Int]]:
+        """Nodes that each rank owns, and cells of solids and of media that it has, at the surface; to rank 0, which
+        stations they are.
 
         Args:
             parts: of every rank its cells, their numbers in the mesh, and the places (n, 2) of its own nodes.
@@ -122,7 +124,8 @@ class ContactGauge:
         points = [places for _, _, places in parts]
         surface = Surface.of(polygons, np.concatenate([numbers for _, numbers, _ in parts]), order)
         if not len(surface):
-            return [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)) for _ in parts]
+            none = np.empty(0, dtype=np.int64)
+            return [(none, none, none) for _ in parts]
         self._surface, n = surface, len(surface)
         places = same_points(np.concatenate([surface.points_nx, polygons.points_nx, *points]))
         of_station, of_point, of_node = np.split(places, [n, n + len(polygons.points_nx)])
@@ -133,5 +136,7 @@ class ContactGauge:
         order_of = np.argsort(of_node[kept], kind="stable")
         self._station = order_of[np.searchsorted(of_node[kept], of_station, sorter=order_of)]
         nodes = np.split(owned, np.cumsum([len(part) for part in points])[:-1])
-        cells = np.split(touches, np.cumsum([part.n_cells for part, _, _ in parts])[:-1])
-        return [(np.flatnonzero(a), np.flatnonzero(b)) for a, b in zip(nodes, cells, strict=True)]
+        beside = np.isin(np.arange(polygons.n_cells), surface.medium_s)
+        ends = np.cumsum([part.n_cells for part, _, _ in parts])[:-1]
+        here = zip(nodes, np.split(touches, ends), np.split(beside, ends), strict=True)
+        return [(np.flatnonzero(a), np.flatnonzero(b), np.flatnonzero(c)) for a, b, c in here]

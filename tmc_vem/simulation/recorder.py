@@ -293,7 +293,7 @@ class Recorder:
         with self.timer("check"):
             evaluation = self.system.residual(u, residual)
         with self.timer("contact"):
-            curves = self.contact.curves(u, residual)
+            curves = self.system.comm.bcast(self.contact.curves(u, residual))
         if self._snapshots is not None and self.history:
             last = self.history[-1]
             with self.timer("snapshots"), reported(self._snapshots.directory):
@@ -361,11 +361,15 @@ class Recorder:
         return result
 
     def _write_contact(self, step: int, curves: ContactCurves | None) -> None:
-        """Write the tractions of a snapshot that has just been written; called on all ranks."""
-        snapshots, units = self._snapshots, self.problem.units()
-        if curves is not None and snapshots is not None:
-            found, entries = curves, snapshots.entries
-            on_root(self.system.comm, lambda: write_snapshot(snapshots.directory, step, found, units, entries))
+        """Write the tractions (on rank 0) of a snapshot that has just been written; called on all ranks."""
+        if (snapshots := self._snapshots) is None or not self.contact.is_used:
+            return
+
+        def write() -> None:
+            assert curves is not None
+            write_snapshot(snapshots.directory, step, curves, self.problem.units(), snapshots.entries)
+
+        on_root(self.system.comm, write)
 
     def _draw(self, fields: Fields, path: Path) -> None:
         from tmc_vem.report.figures import draw_deformed
