@@ -6,7 +6,7 @@ and the potential from the formula with the square of what is cut off. Nothing h
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,22 @@ RIGHT_ANGLE = np.array([[0.0, -1.0], [1.0, 0.0]])
 def layer(stretch: float, slip: float) -> Float:
     """Deformation gradient of a flat layer squeezed to ``stretch``, whose upper face has moved by ``slip`` widths."""
     return np.array([[1.0, slip], [0.0, stretch]])
+
+
+def affine(F: Float) -> Callable[[Float], Float]:
+    """Displacement of points (n, 2) with a deformation gradient."""
+    return lambda x: x @ (F - np.eye(2)).T
+
+
+def bent(stretch: float, slip: float) -> Callable[[Float], Float]:
+    """Displacement of a squeezed layer whose slip, of both signs, and width vary from place to place."""
+
+    def displacement(x: Float) -> Float:
+        X, Y = x.T
+        width = stretch * (1.0 + 0.3 * X * X)
+        return np.stack([slip * Y * (X - 0.4) + 0.01 * X * X, (width - 1.0) * Y], axis=1)
+
+    return displacement
 
 
 def medium_stress(F: Float, level: float = 1.0) -> Float:

@@ -18,12 +18,14 @@ import numpy as np
 from mpi4py import MPI
 sys.path.insert(0, "..")
 from helpers_forces import KINDS, ROLLERS, cavity_plate
-from helpers_fem import CLAMPED, SOLID, grid, make_system, problem_system, wavy
+from helpers_fem import CLAMPED, SOLID, grid, make_system, medium, problem_system, wavy
+from helpers_friction import bent
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.results.output import gather_fields
 from tmc_vem.problems import Box, Medium
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.system.control import Control
+from tmc_vem.system.friction import Friction
 from tmc_vem.system.loaded import with_forces
 
 comm = MPI.COMM_WORLD
@@ -56,6 +58,13 @@ values = [n_constrained, gradient.norm(), system.reaction(result.residual, "load
 loaded = with_forces(make_system(cavity_plate(), SOLID, ROLLERS), [replace(f, name=k) for k, f in KINDS.items()])
 moved = loaded.interpolate(wavy)
 values += [value for of in loaded.measures(moved, Control(0.8)).values() for value in of.values()]
+rough = make_system(grid(4, 4), replace(medium(), friction=Friction(0.4, 0.3)), triangles=sys.argv[2] == "1")
+out = rough.create_vector()
+for slip in (0.0, 0.05, 0.2):
+    state = rough.interpolate(bent(0.1, slip))
+    values += [rough.residual(state, out).energy, out.norm()]
+    rough.advance(state)
+values.append(comm.allreduce(float(np.abs(rough.shear(state)[1]).sum())))
 if comm.rank == 0:
     print(json.dumps(values), flush=True)
 """

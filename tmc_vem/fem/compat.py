@@ -132,6 +132,28 @@ def cell_function(mesh: Any, values: Float) -> Any:
     return function
 
 
+def point_function(mesh: Any, cell: str, degree: int, n_values: int) -> Any:
+    """A function with some values at each point of the quadrature rule of a degree, and none elsewhere; zero."""
+    from dolfinx import fem
+
+    with _quiet():
+        if require() >= (0, 7):
+            from basix.ufl import quadrature_element
+
+            element = quadrature_element(cell, value_shape=(n_values,), scheme="default", degree=degree)
+            return fem.Function(fem.functionspace(mesh, element))
+        from ufl import VectorElement
+
+        element = VectorElement("Quadrature", mesh.ufl_cell(), degree, n_values, quad_scheme="default")
+        return fem.Function(fem.FunctionSpace(mesh, element))
+
+
+def point_rows(function: Any, n_cells: int) -> NDArray[Any]:
+    """(n_cells, n_points) where the points of local cells, in the order of :func:`quadrature`, stand among the values
+    of a :func:`point_function`."""
+    return rows(function.function_space.dofmap.list, n_cells)
+
+
 def rows(adjacency: Any, n_rows: int) -> NDArray[Any]:
     """Array (n_rows, width) of a map in which every row is equally long: a list of lists before 0.7, an array since."""
     flat = adjacency.array if hasattr(adjacency, "array") else adjacency

@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 from codegen.integrand import Integrand
 from tmc_vem.fem import compat
 from tmc_vem.fem.expressions import density, facet_energy, facet_width
+from tmc_vem.fem.friction import PointFriction
 from tmc_vem.fem.mesh import FemMesh
 from tmc_vem.system.control import parameter_of
 from tmc_vem.system.fem_settings import FemSettings
+from tmc_vem.system.friction import Friction
 from tmc_vem.system.graded import Graded
 from tmc_vem.system.interior_penalty import require_weights
 
@@ -26,7 +28,7 @@ Int = NDArray[np.int64]
 
 
 class RegionDensity(Protocol):
-    """Energy of a region, the values of its parameters, whether it is the third medium, and what varies in it."""
+    """Energy of a region, the values of its parameters, whether it is the third medium, what varies in it, friction."""
 
     @property
     def integrand(self) -> Integrand: ...
@@ -40,6 +42,9 @@ class RegionDensity(Protocol):
     @property
     def graded(self) -> Graded | None: ...
 
+    @property
+    def friction(self) -> Friction | None: ...
+
 
 @dataclass(frozen=True)
 class Forms:
@@ -48,8 +53,9 @@ class Forms:
     Attributes:
         cells: the regions' energies.
         facets: by region name, the interior penalty's energy, for the media that have one.
-        residual: first derivative of all of it.
-        tangent: second derivative.
+        residual: first derivative of all of it, and of the potential of friction, which has no form of its own: it is
+            divided by a stiffness that vanishes where there is no friction.
+        tangent: derivative of the residual.
         residual_of: the residual of some of this rank's cells (n,) alone, without facets. It differs from ``residual``
             in the cells that are marked only, so that the same compiled code computes it.
         set_parameters: changes parameters, by name, in every energy that has them, or in that of one region.
@@ -63,8 +69,14 @@ class Forms:
     set_parameters: Callable[[Mapping[str, float]], None]
 
 
-def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], settings: FemSettings) -> Forms:
-    """Forms of the potential at ``u``, a function in the displacement space.
+def make_forms(
+    mesh: FemMesh,
+    u: Any,
+    regions: Mapping[str, RegionDensity],
+    settings: FemSettings,
+    friction: PointFriction,
+) -> Forms:
+    """Forms of the potential at ``u``, a function in the displacement space, with the friction of some regions.
 
     Raises:
         InputError: a medium with interior penalty lacks one of the parameters gamma and alpha_r.
@@ -81,8 +93,11 @@ def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], sett
     width: Any = facet_width(domain, mesh.cell, mesh.areas_c) if media else None
     test = ufl.TestFunction(u.function_space)
 
+    def over(cell_tags: Any) -> Any:
+        return ufl.Measure("dx", domain=domain, subdomain_data=cell_tags, metadata=metadata)
+
     def energies(cell_tags: Any, facet_tags: Any) -> tuple[Any, dict[str, Any]]:
-        dx = ufl.Measure("dx", domain=domain, subdomain_data=cell_tags, metadata=metadata)
+        dx = over(cell_tags)
         cells = sum(densities[name] * dx(number) for number, name in enumerate(names))
         facets: dict[str, Any] = {}
         dS = ufl.Measure("dS", domain=domain, subdomain_data=facet_tags, metadata=metadata)
@@ -92,19 +107,22 @@ def make_forms(mesh: FemMesh, u: Any, regions: Mapping[str, RegionDensity], sett
             facets[name] = facet_energy(u, G, eta / (2 * width), parameters[name], psi) * dS(tag)
         return cells, facets
 
-    def residual(cells: Any, facets: Mapping[str, Any]) -> Any:
-        return ufl.derivative(cells + sum(facets.values()) if facets else cells, u, test)
+    def residual(cell_tags: Any, cells: Any, facets: Mapping[str, Any]) -> Any:
+        gradient = ufl.derivative(cells + sum(facets.values()) if facets else cells, u, test)
+        if not friction.laws:
+            return gradient
+        work, dx = friction.shear_work(u, test), over(cell_tags)
+        return gradient + sum(work * dx(names.index(name)) for name in friction.laws)
 
     def residual_of(chosen: Int) -> Any:
         none = np.empty(0, dtype=np.int64)
         facet_tags = compat.mesh_tags(domain, 1, none, none) if media else None
-        return residual(*energies(compat.mesh_tags(domain, 2, chosen, mesh.region_c[chosen]), facet_tags))
+        cell_tags = compat.mesh_tags(domain, 2, chosen, mesh.region_c[chosen])
+        return residual(cell_tags, *energies(cell_tags, facet_tags))
 
-    everywhere = np.arange(len(mesh.region_c))
-    whole = energies(
-        compat.mesh_tags(domain, 2, everywhere, mesh.region_c), _facet_tags(mesh, media) if media else None
-    )
-    gradient = residual(*whole)
+    everywhere = compat.mesh_tags(domain, 2, np.arange(len(mesh.region_c)), mesh.region_c)
+    whole = energies(everywhere, _facet_tags(mesh, media) if media else None)
+    gradient = residual(everywhere, *whole)
     tangent = ufl.derivative(gradient, u, ufl.TrialFunction(u.function_space))
     return Forms(*whole, gradient, tangent, residual_of, set_parameters)
 

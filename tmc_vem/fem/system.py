@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from codegen.integrand import Integrand
 from codegen.layout import Take
+from codegen.stress import stress_of
 from tmc_vem.fem import compat
 from tmc_vem.fem.forms import RegionDensity, make_forms
+from tmc_vem.fem.friction import PointFriction
 from tmc_vem.fem.maths import numpy_namespace
 from tmc_vem.fem.mesh import distribute
 from tmc_vem.fem.nodes import Nodes
@@ -31,6 +33,7 @@ from tmc_vem.system.control import Control, parameter_of
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.fields import Polygons
+from tmc_vem.system.friction import FrictionLaw, FrictionStates
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
 from tmc_vem.system.point_states import PointStates
@@ -89,7 +92,13 @@ class FemSystem(Unloaded):
         owned = self.mesh.region_c[: self.mesh.n_owned]
         self._cells_of = [np.flatnonzero(owned == number) for number in range(len(self.region_names))]
         self._state, self._gradient = self.nodes.function(), self.nodes.function()
-        self.forms = make_forms(self.mesh, self._state, regions, self.settings)
+        laws = {
+            name: FrictionLaw(friction, stress_of(regions[name].integrand))
+            for name in self.region_names
+            if (friction := regions[name].friction) is not None
+        }
+        self._friction = PointFriction(self.mesh, self.settings.quadrature, laws)
+        self.forms = make_forms(self.mesh, self._state, regions, self.settings, self._friction)
         self._values = {name: dict(region.values) for name, region in regions.items()}
         self._factors = {name: self._factors_of(number) for number, name in enumerate(self.region_names)}
         self._tangent: Mat | None = None
@@ -200,25 +209,23 @@ class FemSystem(Unloaded):
 
     def point_states(self, u: Vec) -> Iterator[PointStates]:
         """This rank's cells at their quadrature points, some at a time."""
-        u_nodes = self._local_values(u)
-        for name, of_region in zip(self.region_names, self._cells_of, strict=True):
-            integrand = self.densities[name].integrand
-            needs_second = any(entry.take is Take.SECOND_GRADIENT for entry in integrand.inputs)
-            for first in range(0, len(of_region), CELLS_AT_ONCE):
-                cells = of_region[first : first + CELLS_AT_ONCE]
-                u_cai = u_nodes[self.nodes.cell_nodes_ca[cells]]
-                gradient, second = (
-                    self.points.gradients(u_cai, cells)
-                    if needs_second
-                    else (self.points.first_gradient(u_cai, cells), None)
-                )
-                factors = {
-                    key: factor_c1[first : first + CELLS_AT_ONCE] for key, factor_c1 in self._factors[name].items()
-                }
-                values = {key: self._values[name][key] * factors.get(key, 1.0) for key in integrand.parameter_names}
-                yield PointStates(
-                    name, cells, self.points.w_cq[cells], self.points.X_cqx[cells], np.eye(2) + gradient, second, values
-                )
+        return self._point_states(self._local_values(u), self.region_names)
+
+    def friction_states(self, u: Vec) -> Iterator[FrictionStates]:
+        """This rank's cells with friction at their quadrature points, some at a time."""
+        return self._friction.states(self._points_with_friction(self._local_values(u)))
+
+    def advance(self, u: Vec) -> None:
+        """Friction of the step that begins at ``u``."""
+        self._friction.begin_step(self._points_with_friction(self._local_values(u)))
+
+    def shear(self, u: Vec) -> tuple[Float, Float]:
+        """Points (n, 2) with friction of this rank, and the shear (n,) there."""
+        return self._friction.shear(self._points_with_friction(self._local_values(u)))
+
+    def remember_shear(self, u: Vec, shear_at: Callable[[Float], Float]) -> None:
+        """Begin a step at ``u`` with the shear that a function gives at points."""
+        self._friction.begin_step(self._points_with_friction(self._local_values(u)), shear_at)
 
     def owned_nodes(self, where: str) -> Int:
         """Nodes at a named point or edge set that this rank owns, as positions in its part of a vector."""
@@ -365,6 +372,30 @@ class FemSystem(Unloaded):
         factor_cp = self.mesh.factors(graded, self._cells_of[number])
         return {name: factor_cp[:, n : n + 1] for n, name in enumerate(graded.names)}
 
+    def _point_states(self, u_nodes: Float, regions: Collection[str], second: bool = True) -> Iterator[PointStates]:
+        """Owned cells of some regions, some at a time; second gradients of energies that have them if asked for."""
+        for name, of_region in zip(self.region_names, self._cells_of, strict=True):
+            integrand = self.densities[name].integrand
+            needs_second = second and any(entry.take is Take.SECOND_GRADIENT for entry in integrand.inputs)
+            for first in range(0, len(of_region) if name in regions else 0, CELLS_AT_ONCE):
+                cells = of_region[first : first + CELLS_AT_ONCE]
+                u_cai = u_nodes[self.nodes.cell_nodes_ca[cells]]
+                gradient, G = (
+                    self.points.gradients(u_cai, cells)
+                    if needs_second
+                    else (self.points.first_gradient(u_cai, cells), None)
+                )
+                factors = {
+                    key: factor_c1[first : first + CELLS_AT_ONCE] for key, factor_c1 in self._factors[name].items()
+                }
+                values = {key: self._values[name][key] * factors.get(key, 1.0) for key in integrand.parameter_names}
+                yield PointStates(
+                    name, cells, self.points.w_cq[cells], self.points.X_cqx[cells], np.eye(2) + gradient, G, values
+                )
+
+    def _points_with_friction(self, u_nodes: Float, second: bool = True) -> Iterator[PointStates]:
+        return self._point_states(u_nodes, self._friction.laws, second)
+
     def _first_gradient(self, u_nodes: Float) -> Float:
         return self.points.first_gradient(u_nodes[self.nodes.cell_nodes_ca[: self.mesh.n_owned]])
 
@@ -401,6 +432,8 @@ class FemSystem(Unloaded):
         shares = Shares(self.region_names)
         for name, cells in zip(self.region_names, self._cells_of, strict=True):
             shares.add_cells(name, energy_c[cells], min_j_c[cells], self.mesh.cell_ids[cells])
+        for states in self._friction.states(self._points_with_friction(u_nodes, second=False)):
+            shares.add(states.points.region, float((states.points.w_cq * states.response.energy).sum()))
         for name, form in self._facet_forms.items():
             shares.add(name, compat.assemble_scalar(form))
         work = 0.0

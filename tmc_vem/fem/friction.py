@@ -1,0 +1,113 @@
+"""Friction of finite elements: the slip systems of a load step as a function at quadrature points, which forms read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.fem import compat
+from tmc_vem.fem.mesh import FemMesh
+from tmc_vem.system.friction import FrictionLaw, FrictionStates, SlipSystem
+from tmc_vem.system.point_states import PointStates
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+
+# Where the values of a point stand: A row by row, A : (F_n - I), bound, stiffness, shear at the beginning of the step.
+A, AH, BOUND, STIFFNESS, TAU, N_VALUES = slice(0, 4), 4, 5, 6, 7, 8
+
+
+class PointFriction:
+    """Slip systems at the quadrature points of this rank's cells; there are none yet in the undeformed state.
+
+    Its degree has to be that of the cells' integrals: a function at quadrature points has no values elsewhere.
+
+    Args:
+        mesh: of this rank.
+        degree: of the quadrature.
+        laws: friction by region, of the regions that have some.
+    """
+
+    def __init__(self, mesh: FemMesh, degree: int, laws: Mapping[str, FrictionLaw]) -> None:
+        self.laws = laws
+        self._mesh, self._degree = mesh, degree
+
+    def shear_work(self, u: Any, v: Any) -> Any:
+        """``tau A : grad v``, the virtual work of friction; its derivative is of rank one at a point."""
+        import ufl
+
+        k = self._function
+        direction = ufl.as_matrix([[k[0], k[1]], [k[2], k[3]]])
+        trial = k[TAU] + k[STIFFNESS] * (ufl.inner(direction, ufl.grad(u)) - k[AH])
+        below = ufl.conditional(ufl.lt(trial, k[BOUND]), trial, k[BOUND])
+        tau = ufl.conditional(ufl.gt(below, -k[BOUND]), below, -k[BOUND])
+        return tau * ufl.inner(direction, ufl.grad(v))
+
+    def states(self, points: Iterable[PointStates]) -> Iterator[FrictionStates]:
+        """The slip systems of cells, and their answer to a state."""
+        for some in points:
+            slip = self._slip(some.cells)
+            yield FrictionStates(some, slip, slip.response(some.F_cqij))
+
+    def shear(self, points: Iterable[PointStates]) -> tuple[Float, Float]:
+        """Points (n, 2) of the reference configuration, and the shear (n,) reached there at a state."""
+        X, tau = [np.empty((0, 2))], [np.empty(0)]
+        for states in self.states(points):
+            X.append(states.points.X_cqx.reshape(-1, 2))
+            tau.append(states.response.tau.ravel())
+        return np.concatenate(X), np.concatenate(tau)
+
+    def begin_step(self, points: Iterable[PointStates], shear_at: Callable[[Float], Float] | None = None) -> None:
+        """Freeze the slip systems of cells for the step that begins at a state.
+
+        Args:
+            points: the state.
+            shear_at: gives the shear (n,) reached there at points (n, 2) of the reference configuration; what the step
+                before has led to by default.
+        """
+        for states in self.states(points):
+            some = states.points
+            tau_cq = states.response.tau
+            if shear_at is not None:
+                tau_cq = shear_at(some.X_cqx.reshape(-1, 2)).reshape(tau_cq.shape)
+            self._freeze(some.cells, self.laws[some.region].slip_system(some.F_cqij, some.parameters, tau_cq))
+
+    def _slip(self, cells: Int) -> SlipSystem:
+        k_cqk = self._values[self._rows_cq[cells]]
+        A_cqij = k_cqk[..., A].reshape(*k_cqk.shape[:2], 2, 2)
+        return SlipSystem(
+            A_cqij, k_cqk[..., AH], k_cqk[..., BOUND], k_cqk[..., STIFFNESS], k_cqk[..., TAU], self._normal_cqi[cells]
+        )
+
+    def _freeze(self, cells: Int, slip: SlipSystem) -> None:
+        k_cqk = np.empty((*slip.bound.shape, N_VALUES))
+        k_cqk[..., A] = slip.A_ij.reshape(*slip.bound.shape, 4)
+        for entry, values in ((AH, slip.AH), (BOUND, slip.bound), (STIFFNESS, slip.stiffness), (TAU, slip.tau)):
+            k_cqk[..., entry] = values
+        self._values[self._rows_cq[cells]] = k_cqk
+        self._normal_cqi[cells] = slip.n_i
+
+    @cached_property
+    def _function(self) -> Any:
+        return compat.point_function(self._mesh.mesh, self._mesh.cell, self._degree, N_VALUES)
+
+    @cached_property
+    def _rows_cq(self) -> Int:
+        """(n_cells, n_points) rows of the values of this rank's cells."""
+        rows_cq = compat.point_rows(self._function, len(self._mesh.region_c))
+        return rows_cq[: self._mesh.n_owned].astype(np.int64)
+
+    @cached_property
+    def _normal_cqi(self) -> Float:
+        """(n_cells, n_points, 2) normals of contact at the beginning of the step."""
+        return np.zeros((*self._rows_cq.shape, 2))
+
+    @property
+    def _values(self) -> Float:
+        """(n_points, 8) values of the function, which change with them."""
+        values: Float = self._function.x.array.reshape(-1, N_VALUES)
+        return values
