@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -19,8 +20,11 @@ from helpers_friction import (
 )
 from numpy.typing import NDArray
 
+from codegen.stress import stress_of
+from tmc_vem import Medium
+from tmc_vem.problems.base import medium_region
 from tmc_vem.support.errors import InputError
-from tmc_vem.system.friction import Friction, SlipResponse, SlipSystem, slip_system, smallest_stretch
+from tmc_vem.system.friction import Friction, FrictionLaw, SlipResponse, SlipSystem, slip_system, smallest_stretch
 
 Float = NDArray[np.float64]
 
@@ -226,3 +230,17 @@ def test_numbers_of_friction_are_positive(value: float) -> None:
         Friction(value)
     with pytest.raises(InputError, match=rf"^elastic_slip = {value:g} must be positive"):
         Friction(0.3, value)
+
+
+def test_a_law_knows_the_stress_of_its_medium() -> None:
+    """Cells of points that are squeezed or not, whose gamma varies, with a regulariser that has no part in it."""
+    region = medium_region(Medium(gamma=0.5, alpha_r=0.7, beta=2.0, regulariser="angle"), mu=1.5)
+    law = FrictionLaw(FRICTION, stress_of(region.integrand))
+    F = np.array([[layer(0.02, 0.4), layer(0.7, 0.2)], [layer(0.6, 0.0), layer(0.9, 0.3)], [layer(0.3, 0.1)] * 2])
+    gamma, tau = np.array([[0.5], [2.0], [1.0]]), np.full((3, 2), 1e3)
+    found = law.slip_system(F, {**region.values, "gamma": gamma}, tau)
+    wanted = slip_system(F, gamma[..., None, None] * medium_stress(F, 1.5), FRICTION, tau)
+    assert (found.bound > 0.0).tolist() == [[True, False], [False, False], [True, True]]
+    for entry in fields(SlipSystem):
+        values, expected = getattr(found, entry.name), getattr(wanted, entry.name)
+        np.testing.assert_allclose(values, expected, rtol=1e-11, atol=1e-12, err_msg=entry.name)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,18 +150,25 @@ class FrictionLaw:
             parameters: of the energy, numbers or (n_cells, 1).
             tau_cq: (n_cells, n_points) shear reached; it is cut to the new bound.
         """
-        squeezed = smallest_stretch(F_cqij) < SQUEEZED
-        P_cqij = np.zeros_like(F_cqij)
-        if squeezed.any():
-            where = np.nonzero(squeezed)
-            F = F_cqij[where][:, None]
-            values = {
-                name: np.broadcast_to(value, squeezed.shape)[where][:, None] if np.ndim(value) else value
-                for name, value in parameters.items()
-            }
-            G = np.zeros((*F.shape, 2)) if self.stress.uses_second_gradient else None
-            P_cqij[where] = self.stress.at(F, G, values)[0][:, 0]
-        return slip_system(F_cqij, P_cqij, self.friction, tau_cq)
+        where = np.nonzero(smallest_stretch(F_cqij) < SQUEEZED)
+        F = F_cqij[where][:, None]
+        values = {
+            name: np.broadcast_to(value, tau_cq.shape)[where][:, None] if np.ndim(value) else value
+            for name, value in parameters.items()
+        }
+        G = np.zeros((*F.shape, 2)) if self.stress.uses_second_gradient else None
+        found = slip_system(F, self.stress.at(F, G, values)[0], self.friction, tau_cq[where][:, None])
+        everywhere = {
+            entry.name: _scattered(getattr(found, entry.name)[:, 0], where, tau_cq.shape) for entry in fields(found)
+        }
+        return SlipSystem(**everywhere | {"n_i": contact_directions(F_cqij)[0]})
+
+
+def _scattered(values: Float, where: tuple[NDArray[np.intp], ...], shape: tuple[int, ...]) -> Float:
+    """Values (n, ...) of some points among zeros."""
+    everywhere = np.zeros((*shape, *values.shape[1:]))
+    everywhere[where] = values
+    return everywhere
 
 
 def slip_system(F: Float, P_medium: Float, friction: Friction, tau: Float) -> SlipSystem:
@@ -174,12 +181,10 @@ def slip_system(F: Float, P_medium: Float, friction: Friction, tau: Float) -> Sl
         tau: (...) Kirchhoff shear there; it is cut to the new bound.
     """
     n, s = contact_directions(F)
-    kirchhoff = P_medium @ np.swapaxes(F, -1, -2)
-    pressure = np.maximum(0.0, -np.einsum("...i,...ij,...j->...", n, kirchhoff, n))
+    pressure = np.maximum(0.0, -_dot(_times(np.swapaxes(P_medium, -1, -2), n), _times(np.swapaxes(F, -1, -2), n)))
     bound = np.where(smallest_stretch(F) < SQUEEZED, friction.coefficient * pressure, 0.0)
-    inverse = np.linalg.inv(F)
-    A = np.einsum("...i,...jk,...k->...ij", s, inverse, n) + np.einsum("...i,...jk,...k->...ij", n, inverse, s)
-    A = np.where(bound[..., None, None] > 0.0, A, 0.0)
+    A = _product(s, _solved(F, n)) + _product(n, _solved(F, s))
+    A *= (bound > 0.0)[..., None, None]
     return SlipSystem(
         A_ij=A,
         AH=np.einsum("...ij,...ij->...", A, F - np.eye(2)),
@@ -190,20 +195,54 @@ def slip_system(F: Float, P_medium: Float, friction: Friction, tau: Float) -> Sl
     )
 
 
+def _dot(a_i: Float, b_i: Float) -> Float:
+    product: Float = np.einsum("...i,...i->...", a_i, b_i)
+    return product
+
+
+def _product(a_i: Float, b_j: Float) -> Float:
+    product: Float = np.einsum("...i,...j->...ij", a_i, b_j)
+    return product
+
+
+def _times(A_ij: Float, v_j: Float) -> Float:
+    product: Float = np.einsum("...ij,...j->...i", A_ij, v_j)
+    return product
+
+
+def _solved(F: Float, v_i: Float) -> Float:
+    """``F^-1 v``."""
+    solution = np.empty_like(v_i)
+    solution[..., 0] = F[..., 1, 1] * v_i[..., 0] - F[..., 0, 1] * v_i[..., 1]
+    solution[..., 1] = F[..., 0, 0] * v_i[..., 1] - F[..., 1, 0] * v_i[..., 0]
+    solution /= _det(F)[..., None]
+    return solution
+
+
+def _det(F: Float) -> Float:
+    J: Float = F[..., 0, 0] * F[..., 1, 1] - F[..., 0, 1] * F[..., 1, 0]
+    return J
+
+
 def contact_directions(F: Float) -> tuple[Float, Float]:
     """Normal and tangent (..., 2) of contact: the eigenvector of b = F F^T to its smallest eigenvalue, and that turned
     by a right angle. Slip turns it away from the surface's normal by at most half of the smallest stretch."""
-    b = F @ np.swapaxes(F, -1, -2)
-    angle = 0.5 * np.arctan2(2.0 * b[..., 0, 1], b[..., 0, 0] - b[..., 1, 1])  # of the largest one
+    twice_shear, difference, _ = _left_cauchy_green(F)
+    angle = 0.5 * np.arctan2(twice_shear, difference)  # of the largest one
     along, across = np.cos(angle), np.sin(angle)
     return np.stack([-across, along], axis=-1), np.stack([-along, -across], axis=-1)
 
 
 def smallest_stretch(F: Float) -> Float:
     """(...) smallest principal stretch: J by the largest one, which loses no digits where J is small."""
-    b = F @ np.swapaxes(F, -1, -2)
-    spread = np.hypot(b[..., 0, 0] - b[..., 1, 1], 2.0 * b[..., 0, 1])
-    largest = np.sqrt(0.5 * (b[..., 0, 0] + b[..., 1, 1] + spread))
-    J = F[..., 0, 0] * F[..., 1, 1] - F[..., 0, 1] * F[..., 1, 0]
-    stretch: Float = J / largest
+    twice_shear, difference, trace = _left_cauchy_green(F)
+    largest = np.sqrt(0.5 * (trace + np.hypot(difference, twice_shear)))
+    stretch: Float = _det(F) / largest
     return stretch
+
+
+def _left_cauchy_green(F: Float) -> tuple[Float, Float, Float]:
+    """``2 b12``, ``b11 - b22`` and ``b11 + b22`` of b = F F^T."""
+    x, y = F[..., 0, :], F[..., 1, :]
+    b11, b22 = _dot(x, x), _dot(y, y)
+    return 2.0 * _dot(x, y), b11 - b22, b11 + b22
