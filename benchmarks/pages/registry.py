@@ -2,10 +2,25 @@
 
 from __future__ import annotations
 
-from pages import contact, fem, guide, limit, loads, materials, media, paper, penalty, projection, solver, verification
+from pages import (
+    contact,
+    fem,
+    friction,
+    guide,
+    limit,
+    loads,
+    materials,
+    media,
+    paper,
+    penalty,
+    projection,
+    solver,
+    verification,
+)
 from pages.block import AnyBlock
 
 BLOCKS: tuple[AnyBlock, ...] = (
     *paper.BLOCKS, *guide.BLOCKS, *fem.BLOCKS, *projection.BLOCKS, *contact.BLOCKS, *penalty.BLOCKS,
-    *solver.BLOCKS, *media.BLOCKS, *materials.BLOCKS, *loads.BLOCKS, *verification.BLOCKS, *limit.BLOCKS,
+    *friction.BLOCKS, *solver.BLOCKS, *media.BLOCKS, *materials.BLOCKS, *loads.BLOCKS, *verification.BLOCKS,
+    *limit.BLOCKS,
 )  # fmt: skip

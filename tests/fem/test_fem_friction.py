@@ -15,6 +15,7 @@ from helpers_system import make_system as make_vem
 from tmc_vem.fem.system import FemSystem
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.simulation.discretised import _kernels
+from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.friction import Friction
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
@@ -150,7 +151,17 @@ def test_a_medium_without_friction_has_the_forms_of_before() -> None:
     plain, rough = (make_system(grid(1, 1), energy) for energy in (medium(), SLIPPERY))
     n_plain, n_rough = (len(system.forms.residual.coefficients()) for system in (plain, rough))
     assert n_rough == n_plain + 1
+    assert not plain.damp_slip(0.5)
     assert plain.shear(plain.create_vector())[0].shape == (0, 2)
+
+
+def _stiffness(system: Discretisation, u: Any, direction: Any, damping: float) -> float:
+    """The second derivative in a direction, with damped slip."""
+    assert system.damp_slip(damping)
+    action, matrix = system.create_vector(), system.create_matrix()
+    system.jacobian(u, matrix)
+    system.tangent_action(direction, action)
+    return float(action.dot(direction))
 
 
 def test_both_methods_have_the_same_friction() -> None:
@@ -167,7 +178,11 @@ def test_both_methods_have_the_same_friction() -> None:
         one, other = fem.residual(u, by_fem), vem.residual(v, by_vem)
         for name in regions:
             assert one.regions[name].energy == pytest.approx(other.regions[name].energy, rel=1e-10)
-        assert by_fem.dot(fem.interpolate(virtual)) == pytest.approx(by_vem.dot(interpolate(vem, virtual)), rel=1e-9)
+        directions = fem.interpolate(virtual), interpolate(vem, virtual)
+        for damping in (0.0, 0.25):
+            of_fem, of_vem = _stiffness(fem, u, directions[0], damping), _stiffness(vem, v, directions[1], damping)
+            assert of_fem == pytest.approx(of_vem, rel=1e-9)
+        assert by_fem.dot(directions[0]) == pytest.approx(by_vem.dot(directions[1]), rel=1e-9)
         (X, tau), (Y, shear) = fem.shear(u), vem.shear(v)
         order, other_order = (np.lexsort(np.round(points, 9).T) for points in (X, Y))
         np.testing.assert_allclose(X[order], Y[other_order], rtol=0, atol=1e-12)

@@ -67,8 +67,8 @@ class Frozen:
         trial = self.trial(u_ni)
         return np.where(self.bound_cq > 0.0, np.sign(trial) * (np.abs(trial) >= self.bound_cq), 9.0)
 
-    def by_sums(self, u_ni: Array) -> tuple[Array, Array, Array]:
-        """Energies, residual and tangents of the friction alone."""
+    def by_sums(self, u_ni: Array, damping: float = 0.0) -> tuple[Array, Array, Array]:
+        """Energies, residual and tangents of the friction alone, with a part of the stiffness of points that slip."""
         energy_c, residual = np.zeros(len(self.w_cq)), np.zeros_like(u_ni)
         n = 2 * self.nodes_ca.shape[1]
         tangent = np.zeros((len(self.w_cq), n, n))
@@ -78,8 +78,7 @@ class Frozen:
             slope_ai = self.B_cqra[c, q].T @ self.A_cqri[c, q]
             energy_c[c] += w * (trial**2 - max(abs(trial) - bound, 0.0) ** 2 - start**2) / (2.0 * stiffness)
             residual[self.nodes_ca[c]] += w * min(max(trial, -bound), bound) * slope_ai
-            if abs(trial) < bound:
-                tangent[c] += w * stiffness * np.outer(slope_ai, slope_ai)
+            tangent[c] += w * stiffness * (1.0 if abs(trial) < bound else damping) * np.outer(slope_ai, slope_ai)
         return energy_c, residual, tangent
 
 
@@ -152,6 +151,21 @@ def test_the_kernel_is_consistent_on_both_sides_of_the_kink() -> None:
     error = (forces_after - forces_before) / (2 * t) - change
     assert np.abs(error).max() < 1e-6 * np.abs(change).max()
     np.testing.assert_allclose(tangent, np.swapaxes(tangent, 1, 2), rtol=0, atol=1e-12 * np.abs(tangent).max())
+
+
+def test_slip_is_damped_in_tangents_alone() -> None:
+    """Those of cells that were taken apart as well; energies and forces are what they were."""
+    cells, u = frozen(11, 7, 5, 2)
+    kernel, batch = kernel_of("medium_huhu_damped"), cells.rough
+    whole, expected, before = run(kernel, batch, u)
+    taken = batch.take(np.arange(3, 9))
+    assert batch.friction is not None
+    batch.friction.damping[:] = 0.125
+    found, residual, tangent = run(kernel, batch, u)
+    np.testing.assert_array_equal(found.energy_c, whole.energy_c)
+    np.testing.assert_array_equal(residual, expected)
+    close(tangent - before, cells.by_sums(u, 0.125)[2] - cells.by_sums(u)[2])
+    close(run(kernel, taken, u)[2], tangent[3:9])
 
 
 def test_points_without_a_bound_change_nothing_to_the_bit() -> None:

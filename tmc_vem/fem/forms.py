@@ -55,7 +55,7 @@ class Forms:
         facets: by region name, the interior penalty's energy, for the media that have one.
         residual: first derivative of all of it, and of the potential of friction, which has no form of its own: it is
             divided by a stiffness that vanishes where there is no friction.
-        tangent: derivative of the residual.
+        tangent: derivative of the residual; points that slip may have some stiffness in it.
         residual_of: the residual of some of this rank's cells (n,) alone, without facets. It differs from ``residual``
             in the cells that are marked only, so that the same compiled code computes it.
         set_parameters: changes parameters, by name, in every energy that has them, or in that of one region.
@@ -107,23 +107,28 @@ def make_forms(
             facets[name] = facet_energy(u, G, eta / (2 * width), parameters[name], psi) * dS(tag)
         return cells, facets
 
-    def residual(cell_tags: Any, cells: Any, facets: Mapping[str, Any]) -> Any:
-        gradient = ufl.derivative(cells + sum(facets.values()) if facets else cells, u, test)
-        if not friction.laws:
-            return gradient
-        work, dx = friction.shear_work(u, test), over(cell_tags)
-        return gradient + sum(work * dx(names.index(name)) for name in friction.laws)
+    def with_friction(form: Any, density: Any, cell_tags: Any) -> Any:
+        dx = over(cell_tags)
+        return form + sum(density * dx(names.index(name)) for name in friction.laws)
+
+    def residual(cell_tags: Any, cells: Any, facets: Mapping[str, Any]) -> tuple[Any, Any]:
+        stored = ufl.derivative(cells + sum(facets.values()) if facets else cells, u, test)
+        work = friction.shear_work(u, test) if friction.laws else None
+        return stored, stored if work is None else with_friction(stored, work, cell_tags)
 
     def residual_of(chosen: Int) -> Any:
         none = np.empty(0, dtype=np.int64)
         facet_tags = compat.mesh_tags(domain, 1, none, none) if media else None
         cell_tags = compat.mesh_tags(domain, 2, chosen, mesh.region_c[chosen])
-        return residual(cell_tags, *energies(cell_tags, facet_tags))
+        return residual(cell_tags, *energies(cell_tags, facet_tags))[1]
 
     everywhere = compat.mesh_tags(domain, 2, np.arange(len(mesh.region_c)), mesh.region_c)
     whole = energies(everywhere, _facet_tags(mesh, media) if media else None)
-    gradient = residual(everywhere, *whole)
-    tangent = ufl.derivative(gradient, u, ufl.TrialFunction(u.function_space))
+    stored, gradient = residual(everywhere, *whole)
+    trial = ufl.TrialFunction(u.function_space)
+    tangent = ufl.derivative(stored, u, trial)
+    if friction.laws:
+        tangent = with_friction(tangent, friction.shear_stiffness(u, trial, test), everywhere)
     return Forms(*whole, gradient, tangent, residual_of, set_parameters)
 
 

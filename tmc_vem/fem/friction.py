@@ -17,8 +17,10 @@ from tmc_vem.system.point_states import PointStates
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-# Where the values of a point stand: A row by row, A : (F_n - I), bound, stiffness, shear at the beginning of the step.
-A, AH, BOUND, STIFFNESS, TAU, N_VALUES = slice(0, 4), 4, 5, 6, 7, 8
+# Where the values of a point stand: A row by row, A : (F_n - I), bound, stiffness, shear at the beginning of the step;
+# and the part of the stiffness that tangents have where it slips, which is the same everywhere.
+A, AH, BOUND, STIFFNESS, TAU, N_FROZEN = slice(0, 4), 4, 5, 6, 7, 8
+DAMPING, N_VALUES = 8, 9
 
 
 class PointFriction:
@@ -37,15 +39,38 @@ class PointFriction:
         self._mesh, self._degree = mesh, degree
 
     def shear_work(self, u: Any, v: Any) -> Any:
-        """``tau A : grad v``, the virtual work of friction; its derivative is of rank one at a point."""
+        """``tau A : grad v``, the virtual work of friction."""
+        import ufl
+
+        k, trial = self._function, self._trial(u)
+        below = ufl.conditional(ufl.lt(trial, k[BOUND]), trial, k[BOUND])
+        tau = ufl.conditional(ufl.gt(below, -k[BOUND]), below, -k[BOUND])
+        return tau * self._along(v)
+
+    def shear_stiffness(self, u: Any, du: Any, v: Any) -> Any:
+        """Its derivative in a direction, of rank one at a point, and where it slips what :meth:`damp_slip` says."""
+        import ufl
+
+        k, trial = self._function, self._trial(u)
+        sticks = ufl.And(ufl.lt(trial, k[BOUND]), ufl.gt(trial, -k[BOUND]))
+        return k[STIFFNESS] * ufl.conditional(sticks, 1.0, k[DAMPING]) * self._along(du) * self._along(v)
+
+    def _trial(self, u: Any) -> Any:
+        k = self._function
+        return k[TAU] + k[STIFFNESS] * (self._along(u) - k[AH])
+
+    def _along(self, v: Any) -> Any:
+        """``A : grad v``."""
         import ufl
 
         k = self._function
-        direction = ufl.as_matrix([[k[0], k[1]], [k[2], k[3]]])
-        trial = k[TAU] + k[STIFFNESS] * (ufl.inner(direction, ufl.grad(u)) - k[AH])
-        below = ufl.conditional(ufl.lt(trial, k[BOUND]), trial, k[BOUND])
-        tau = ufl.conditional(ufl.gt(below, -k[BOUND]), below, -k[BOUND])
-        return tau * ufl.inner(direction, ufl.grad(v))
+        return ufl.inner(ufl.as_matrix([[k[0], k[1]], [k[2], k[3]]]), ufl.grad(v))
+
+    def damp_slip(self, fraction: float) -> bool:
+        """Tangents have this fraction of the stiffness of sticking points where points slip."""
+        if self.laws:
+            self._values[:, DAMPING] = fraction
+        return bool(self.laws)
 
     def states(self, points: Iterable[PointStates]) -> Iterator[FrictionStates]:
         """The slip systems of cells, and their answer to a state."""
@@ -84,11 +109,11 @@ class PointFriction:
         )
 
     def _freeze(self, cells: Int, slip: SlipSystem) -> None:
-        k_cqk = np.empty((*slip.bound.shape, N_VALUES))
+        k_cqk = np.empty((*slip.bound.shape, N_FROZEN))
         k_cqk[..., A] = slip.A_ij.reshape(*slip.bound.shape, 4)
         for entry, values in ((AH, slip.AH), (BOUND, slip.bound), (STIFFNESS, slip.stiffness), (TAU, slip.tau)):
             k_cqk[..., entry] = values
-        self._values[self._rows_cq[cells]] = k_cqk
+        self._values[self._rows_cq[cells], :N_FROZEN] = k_cqk
         self._normal_cqi[cells] = slip.n_i
 
     @cached_property
@@ -108,6 +133,6 @@ class PointFriction:
 
     @property
     def _values(self) -> Float:
-        """(n_points, 8) values of the function, which change with them."""
+        """(n_points, 9) values of the function, which change with them."""
         values: Float = self._function.x.array.reshape(-1, N_VALUES)
         return values

@@ -219,6 +219,10 @@ class FemSystem(Unloaded):
         """Friction of the step that begins at ``u``."""
         self._friction.begin_step(self._points_with_friction(self._local_values(u)))
 
+    def damp_slip(self, fraction: float) -> bool:
+        """Tangents have this fraction of the stiffness of sticking points where points slip."""
+        return self._friction.damp_slip(fraction)
+
     def shear(self, u: Vec) -> tuple[Float, Float]:
         """Points (n, 2) with friction of this rank, and the shear (n,) there."""
         return self._friction.shear(self._points_with_friction(self._local_values(u)))

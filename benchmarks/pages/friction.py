@@ -1,0 +1,39 @@
+"""Blocks of docs/friction.md."""
+
+from __future__ import annotations
+
+import friction_block
+import friction_scheme
+
+from pages.block import Block
+from pages.runs import Measure, table
+
+
+def scheme(measure: Measure) -> str:
+    """Errors of a layer's friction by path, scheme and number of steps."""
+    rows = []
+    for name in friction_scheme.PATHS:
+        for scheme, values in measure(friction_scheme.errors, name).items():
+            rows.append([name, scheme, *(_percent(value) for value in values)])
+    return table(("the layer", "slip systems of", *(f"{n} steps" for n in friction_scheme.STEPS)), rows)
+
+
+def block(measure: Measure) -> str:
+    """Force ratio of a block by steps, with one and with two solutions of each, and their Newton iterations."""
+    rows = []
+    for n_steps in friction_block.STEPS:
+        row = [str(n_steps)]
+        for solutions in friction_block.SOLUTIONS:
+            found = measure(friction_block.push, n_steps, solutions)
+            row += [f"{found['ratio']:.5f}", str(found["iterations"])]
+        rows.append(row)
+    head = ("steps of the push", "beginning", "iterations", "again at the end", "iterations")
+    return table(head, rows)
+
+
+def _percent(share: float) -> str:
+    """A share with two digits; what is exact but for rounding is 0."""
+    return "0" if share < 1e-10 else f"{100.0 * share:.2g} %"
+
+
+BLOCKS = (Block("friction-scheme", "seconds", scheme), Block("friction-block", "minutes", block))
