@@ -76,7 +76,7 @@ class PointFriction:
         """The slip systems of cells, and their answer to a state."""
         for some in points:
             slip = self._slip(some.cells)
-            yield FrictionStates(some, slip, slip.response(some.F_cqij))
+            yield FrictionStates(some, slip, slip.response(some.F_cqij), self.laws[some.region])
 
     def shear(self, points: Iterable[PointStates]) -> tuple[Float, Float]:
         """Points (n, 2) of the reference configuration, and the shear (n,) reached there at a state."""
