@@ -20,7 +20,7 @@ from tmc_vem.fem.friction import PointFriction
 from tmc_vem.fem.mesh import FemMesh
 from tmc_vem.system.control import parameter_of
 from tmc_vem.system.fem_settings import FemSettings
-from tmc_vem.system.friction import Friction
+from tmc_vem.system.friction_settings import Friction
 from tmc_vem.system.graded import Graded
 from tmc_vem.system.interior_penalty import require_weights
 
