@@ -16,7 +16,7 @@ from tmc_vem.fem.system import FemSystem
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.simulation.discretised import _kernels
 from tmc_vem.system.discretisation import Discretisation
-from tmc_vem.system.friction import Friction
+from tmc_vem.system.friction_settings import Friction
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 SLIPPERY = replace(medium(), friction=Friction(0.4, 0.3))

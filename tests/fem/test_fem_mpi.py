@@ -25,7 +25,7 @@ from tmc_vem.results.output import gather_fields
 from tmc_vem.problems import Box, Medium
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.system.control import Control
-from tmc_vem.system.friction import Friction
+from tmc_vem.system.friction_settings import Friction
 from tmc_vem.system.loaded import with_forces
 
 comm = MPI.COMM_WORLD

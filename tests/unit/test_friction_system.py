@@ -16,7 +16,7 @@ from tmc_vem import Material, Medium
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.problems.base import RegionEnergy, medium_region, solid_region
 from tmc_vem.simulation.discretised import _kernels
-from tmc_vem.system.friction import Friction
+from tmc_vem.system.friction_settings import Friction
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 from tmc_vem.vem.system import VemSystem
 
