@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers_fem import FemSettings, FemSystem
+from helpers_rub import rub
 from helpers_system import make_system as make_vem
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from tmc_vem import run
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.problems import Material, Medium
 from tmc_vem.problems.base import medium_region, solid_region
 from tmc_vem.simulation.discretised import _kernels
+from tmc_vem.simulation.problem_file import read_problem
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.system.constraints import Prescribed
 from tmc_vem.system.control import Control
@@ -80,3 +84,22 @@ def test_both_methods_find_the_same_forces() -> None:
     assert 0.27 < at[2.0] < 0.33
     assert at[2.0] > at[2.05] > at[2.2] > at[2.5]  # sticks again, then slides back
     assert -0.33 < at[3.0] < -0.27
+
+
+def test_runs_on_triangles_go_on_with_the_same_bits(tmp_path: Path) -> None:
+    """From a file, stopped in the middle of the slide."""
+    medium = 'regulariser = "huhu_lulu", alpha_r = 0.1, beta = 5, mu = 10, gamma = 1e-4, friction = 0.3'
+    path = rub(tmp_path, "steps = 4\nsnapshots = 0", medium, "[[1, 0], [2, 1]]")
+    path.write_text(path.read_text().replace('"quadrilaterals"', '"triangles"'))
+    given, options = read_problem(path)
+    options = replace(options, method="fem")
+    whole = run(given, None, options)
+    assert whole.complete
+    assert 0.0 < whole.history[-1].forces["slide"]["reaction"] < 0.031
+    assert whole.checks["friction_error"]["largest"] > 0.0
+    half = replace(options, max_iterations=sum(record.iterations for record in whole.history) - 5)
+    stopped = run(given, tmp_path / "rub", half)
+    assert stopped.cut_short
+    assert 4 < len(stopped.history) < len(whole.history)
+    done = run(given, tmp_path / "rub", options, resume=True)
+    assert [replace(r, seconds=0.0) for r in done.history] == [replace(r, seconds=0.0) for r in whole.history]
