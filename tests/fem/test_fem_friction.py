@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers_fem import CLAMPED, SOLID, Float, grid, make_system, medium, random_vector
-from helpers_friction import affine, bent, follow, layer
+from helpers_friction import affine, bent, follow, layer, normal
 from helpers_system import interpolate
 from helpers_system import make_system as make_vem
 
@@ -42,6 +42,7 @@ def test_a_layer_has_the_tractions_of_the_oracle(triangles: bool) -> None:
     virtual = [system.interpolate(affine(np.eye(2) + E)) for E in np.eye(4).reshape(4, 2, 2)]
     out, spent = system.create_vector(), []
     plain = make_system(grid(3, 2, distort=0.2), medium(), triangles=triangles)
+    across, begun = np.zeros(2), 0.0  # normal at the beginning of the step, none in the first
     for F, step in zip(STEPS, follow(STEPS, 0.4, 0.3, LEVEL), strict=True):
         u = system.interpolate(affine(F))
         energy = system.residual(u, out).energy
@@ -53,7 +54,9 @@ def test_a_layer_has_the_tractions_of_the_oracle(triangles: bool) -> None:
         for states in system.friction_states(u):
             assert states.response.tau == pytest.approx(np.full(states.points.w_cq.shape, step.tau), abs=1e-12)
             spent[-1] += float((states.points.w_cq * states.response.dissipated).sum())
+            assert np.abs(states.slip.n_i @ across) == pytest.approx(np.full(states.points.w_cq.shape, begun))
         assert spent[-1] == pytest.approx(step.dissipated, rel=1e-9, abs=1e-12)
+        across, begun = normal(F), 1.0
         system.advance(u)
         assert system.energy(u).energy == pytest.approx(plain.energy(u).energy, rel=1e-12)
     assert [value > 1e-6 for value in spent] == [False, False, False, True, False, True]

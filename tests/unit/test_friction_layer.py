@@ -194,7 +194,7 @@ def test_the_shear_is_the_slope_of_the_potential() -> None:
 def test_the_definitions_at_a_point() -> None:
     """Bound, stiffness, direction and normal of points of all kinds at once: squeezed, not enough, pulled, turned."""
     F = np.array([
-        layer(0.02, 0.4), layer(0.49, 0.0), layer(0.51, 0.0), layer(3.0, 0.1), rotation(2.2) @ layer(0.1, -0.3),
+        layer(0.02, 0.4), layer(0.499, 0.0), layer(0.501, 0.0), layer(3.0, 0.1), rotation(2.2) @ layer(0.1, -0.3),
         layer(0.4, 0.0) * 0.9,
     ])  # fmt: skip
     P = medium_stress(F, 2.0)
@@ -226,6 +226,7 @@ def test_small_stretches_keep_their_digits() -> None:
 
 @pytest.mark.parametrize("value", [0.0, -0.1, np.nan, np.inf])
 def test_numbers_of_friction_are_positive(value: float) -> None:
+    assert Friction(0.3).elastic_slip == 0.2
     with pytest.raises(InputError, match=rf"^friction = {value:g} must be a positive coefficient"):
         Friction(value)
     with pytest.raises(InputError, match=rf"^elastic_slip = {value:g} must be positive"):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers_friction import affine, bent, follow, layer
+from helpers_friction import affine, bent, follow, layer, normal
 from helpers_mesh import grid, hanging, voronoi
 from helpers_system import CLAMPED, dense, interpolate, make_system
 from numpy.typing import NDArray
@@ -47,6 +47,7 @@ def test_a_layer_has_the_tractions_of_the_oracle(kind: str) -> None:
     rough, plain = (system_of(mesh, dict.fromkeys(mesh.region_names, region)) for region in (SLIPPERY, PLAIN))
     out, spent = rough.create_vector(), []
     virtual = [interpolate(rough, affine(np.eye(2) + E)) for E in np.eye(4).reshape(4, 2, 2)]
+    across, begun = np.zeros(2), 0.0  # normal at the beginning of the step, none in the first
     for F, step in zip(PATH, follow(PATH, 0.4, 0.3, LEVEL), strict=True):
         u = interpolate(rough, affine(F))
         stored = plain.energy(u).energy
@@ -62,7 +63,9 @@ def test_a_layer_has_the_tractions_of_the_oracle(kind: str) -> None:
                 np.full(states.points.w_cq.shape, step.tau), rel=1e-7, abs=1e-11
             )
             spent[-1] += float((states.points.w_cq * states.response.dissipated).sum())
+            assert np.abs(states.slip.n_i @ across) == pytest.approx(np.full(states.points.w_cq.shape, begun))
         assert spent[-1] == pytest.approx(step.dissipated, rel=1e-8, abs=1e-10)
+        across, begun = normal(F), 1.0
         rough.advance(u)
         assert rough.energy(u).energy == pytest.approx(stored, rel=1e-12)  # the potential of a step begins with 0
     assert [value > 1e-6 for value in spent] == [False, False, False, True, False, True]
