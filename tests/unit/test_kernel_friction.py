@@ -118,6 +118,21 @@ def test_friction_is_added_at_every_point(name: str, shape: tuple[int, int, int,
         assert set(cells.kinds(u).ravel()) == {-1.0, 0.0, 1.0, 9.0}
 
 
+def test_entries_that_an_energy_leaves_out_do_not_add_up_over_points() -> None:
+    """Gradient and Hessian have one entry each, so that nothing but friction is in the others."""
+    energy = second_gradient_energy(lambda F, G, p, m: p.mu * (F[0][0] - 1) * (F[0][0] - 1), "pull", ("mu",))
+    kernel, (cells, u) = compile_cells(energy), frozen(11, 7, 5, 1)
+    batch, (energy_c, forces, stiffness) = cells.rough, cells.by_sums(u)
+    plain, plain_residual, plain_tangent = run(kernel, cells.batch, u)
+    found, residual, tangent = run(kernel, batch, u)
+    close(found.energy_c, plain.energy_c + energy_c)
+    close(residual, plain_residual + forces)
+    close(tangent, plain_tangent + stiffness)
+    alone = np.zeros_like(u)
+    kernel.cells(batch, u, kernel.parameter_array(PARAMETERS), alone)
+    close(alone, residual)
+
+
 @pytest.mark.parametrize("level", ["residual", "energy"])
 def test_lower_levels_have_the_friction_of_the_tangent(level: str) -> None:
     cells, u = frozen(11, 7, 5, 2)
