@@ -166,7 +166,9 @@ def test_units_and_title_of_a_record() -> None:
     )  # fmt: skip
     probes = {"gap": Gap("a", "b"), "push": Reaction("ux", "a"), "j": MeanJ("m")}
     contact = SimpleNamespace(kinds=lambda contact: {"contact.s.force": FORCE} if contact else {})
-    made = recorder(problem=problem, gauge=SimpleNamespace(probes=probes), history=[], contact=contact)
+    friction = SimpleNamespace(kinds=lambda: {})
+    probed = SimpleNamespace(probes=probes)
+    made = recorder(problem=problem, gauge=probed, history=[], contact=contact, friction=friction)
     assert made._units() == {
         "displacement": "mm", "gap": "mm", "push": "N/mm", "j": "1", "reaction": "N/mm", "min_j_s": "1", "min_j_m": "1",
         "energy_s": "N", "energy_m": "N", "t.angle": "degrees", "t.moment": "N", "t.work": "N",
@@ -271,7 +273,7 @@ def one_cell() -> Any:
         output_polygons=lambda: polygons, comm=MPI.COMM_SELF,
         cell_jacobians=lambda u: (np.array([2.0]), np.array([1.0])),
         cell_energies=lambda u: np.array([6.0]), cell_areas=lambda: np.array([2.0]),
-        output_displacements=lambda u: np.full((8, 2), u),
+        output_displacements=lambda u: np.full((8, 2), u), friction_states=lambda u: iter(()),
     )  # fmt: skip
 
 

@@ -155,6 +155,11 @@ def media_of(problem: Problem) -> list[str]:
     return [name for name, region in problem.regions().items() if region.is_medium]
 
 
+def frictional_media_of(problem: Problem) -> list[str]:
+    """Names of the media with friction."""
+    return [name for name, region in problem.regions().items() if region.friction is not None]
+
+
 def stages_of(problem: Problem) -> tuple[Stage, ...]:
     """Stages of a problem that has a method ``stages()``; none of one that says nothing of any."""
     method = getattr(problem, "stages", None)

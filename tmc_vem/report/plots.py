@@ -120,11 +120,18 @@ def _least(record: StepRecord, run: RunResult, *, medium: bool) -> float | None:
 
 def energy_split(runs: Runs) -> Any:
     """Energies of the regions during loading."""
-    figure, axes = axes_of(2)
+    rubs = any(record.friction for run in runs.values() for record in run.history)
+    figure, axes = axes_of(3 if rubs else 2)
     against_load(axes[0], runs, lambda record, run: _energy(record, run, medium=False), "energy of the solids")
     against_load(axes[1], runs, lambda record, run: _energy(record, run, medium=True), "energy of the third medium")
+    if rubs:
+        against_load(axes[2], runs, lambda record, _: _dissipated(record), "energy dissipated by friction")
     axes[0].legend(fontsize=8, frameon=False)
     return figure
+
+
+def _dissipated(record: StepRecord) -> float | None:
+    return sum(values["dissipated"] for values in record.friction.values()) if record.friction else None
 
 
 def _energy(record: StepRecord, run: RunResult, *, medium: bool) -> float:

@@ -42,7 +42,13 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4, show
         [
             Section(
                 "Result",
-                [tables.final_state(runs), *tables.measured(runs), *tables.energy_in_jumps(runs), warnings],
+                [
+                    tables.final_state(runs),
+                    *tables.measured(runs),
+                    *tables.energy_in_jumps(runs),
+                    *tables.energy_in_friction(runs),
+                    warnings,
+                ],
             ),
             *([Section("Limit for gamma to 0", limit_blocks(name, result))] if result.limit else []),
             *([Section("Deformed states", [_states(result, quantity, n_states)])] if result.history else []),
