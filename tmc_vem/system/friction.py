@@ -8,7 +8,8 @@ eigenvector of b = F F^T to the smallest eigenvalue, s = (-n2, n1). With F of th
     kt = c / g_c                                 g_c = elastic slip, per width of the gap, at which the bound is reached
 
 and tau = clip(tau_n + kt A : (F - F_n), -c, c) adds tau A to P. So each step has a potential, whose second derivative
-is of rank one; the scheme is of first order in the slip of a step. Points that are not squeezed to half carry no friction.
+is of rank one; the scheme is of first order in the slip of a step. Points that are not squeezed to half carry no
+friction.
 """
 
 from __future__ import annotations
@@ -51,8 +52,8 @@ class Friction:
             raise InputError(f"friction = {self.coefficient:g} must be a positive coefficient, try 0.3")
         if not (math.isfinite(self.elastic_slip) and self.elastic_slip > 0.0):
             raise InputError(
-                f"elastic_slip = {self.elastic_slip:g} must be positive: the slip, in widths of the squeezed gap, at which "
-                f"the full friction is reached, try {ELASTIC_SLIP:g}"
+                f"elastic_slip = {self.elastic_slip:g} must be positive: the slip, in widths of the squeezed gap, at "
+                f"which the full friction is reached, try {ELASTIC_SLIP:g}"
             )
 
 
