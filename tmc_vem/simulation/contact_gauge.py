@@ -103,8 +103,9 @@ class ContactGauge:
         def make() -> Contact:
             if traction is None:
                 return {}
-            also = None if found is None else functools.partial(self.friction.measured, traction, found)
-            return measure(traction, also)
+            if found is None:
+                return measure(traction)
+            return measure(traction, functools.partial(self.friction.measured, traction, found, along_path=along_path))
 
         return from_root(self._system.comm, make)
 

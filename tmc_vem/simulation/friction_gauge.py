@@ -45,17 +45,17 @@ class RegionFriction:
     sticking: float
     bound_j: float
 
-    def reported(self, before: Values) -> dict[str, float]:
+    def reported(self, before: Values | None) -> dict[str, float]:
         """What is recorded of a step, see ``OF_REGION`` of :mod:`tmc_vem.results.records`.
 
         Args:
-            before: what was recorded of the step before; nothing at the beginning.
+            before: what was recorded of the step before; nothing at the beginning, and None for a state beside the load
+                path, of which nothing is summed up.
         """
-        values = {
-            "slip_energy": self.stored,
-            "dissipated": before.get("dissipated", 0.0) + self.dissipated,
-            "work": before.get("work", 0.0) + self.potential,
-        }
+        values = {"slip_energy": self.stored}
+        if before is not None:
+            values["dissipated"] = before.get("dissipated", 0.0) + self.dissipated
+            values["work"] = before.get("work", 0.0) + self.potential
         if self.bound > 0.0:
             values |= {"sticking": self.sticking / self.bound, "contact_j": self.bound_j / self.bound}
         return values
@@ -128,10 +128,11 @@ class FrictionGauge:
         """What is written of the surface; on rank 0, None elsewhere or without any."""
         return None if found is None or self._slip is None else FrictionCurves.of(found, self._slip)
 
-    def measured(self, traction: Traction, found: SurfaceFriction, chosen: Bool) -> dict[str, float]:
-        """What is reported of some stations."""
-        assert self._slip is not None  # the step's is added first
-        return measure(traction, found, self._slip, chosen)
+    def measured(
+        self, traction: Traction, found: SurfaceFriction, chosen: Bool, *, along_path: bool
+    ) -> dict[str, float]:
+        """What is reported of some stations; beside the load path without their slip, which is that of the path."""
+        return measure(traction, found, self._slip if along_path else None, chosen)
 
     def plain_slip(self) -> list[list[float]]:
         """The slip (2, n) and its path as plain values for a checkpoint; nothing before the first step."""

@@ -158,7 +158,9 @@ class Recorder:
         with self.timer("contact"):
             contact = self.contact.read(u, residual, along_path=along_path)
         friction = self.friction.of_regions(u)
-        before = self.history[-1].friction if self.history else {}
+        before: Mapping[str, Mapping[str, float]] | None = None
+        if along_path:
+            before = self.history[-1].friction if self.history else {}
         potential = {name: values.potential for name, values in friction.items()}
         reading = self.loads.read(u, residual, step.control, self._read)
         return (
@@ -182,7 +184,10 @@ class Recorder:
                 load_work=reading.work,
                 forces=reading.loads,
                 contact=contact,
-                friction={name: values.reported(before.get(name, {})) for name, values in friction.items()},
+                friction={
+                    name: values.reported(None if before is None else before.get(name, {}))
+                    for name, values in friction.items()
+                },
             ),
             reading,
         )
@@ -226,7 +231,6 @@ class Recorder:
         n_states = len(facts["controls"])
         below = facts.get("descending")
         n_below = len(below["controls"]) if below else 0
-        values, held_ni = (values[:-1], values[-1]) if self.friction.is_used else (values, None)
         first = len(values) - n_below
         self.system.remember(facts.get("stage", 0), [kept_ni.ravel() for kept_ni in values[n_states:first]])
         if below:
@@ -247,19 +251,13 @@ class Recorder:
             if self.contact.is_used:
                 on_root(self.system.comm, lambda: collect(snapshots.directory, snapshots.entries))
         if self.history:
-            self._read = self._read_again(u, held_ni)
+            self._read = self._read_again(u)
             self.contact.go_on(u, facts.get("slip", ()))
         self._main = states, stepper_state(facts["position"])
         return self._main
 
-    def _read_again(self, u: Vec, held_ni: Float | None) -> Reading:
-        """The loads at the last state, from which work is summed on.
-
-        Args:
-            u: the state.
-            held_ni: forces that hold this rank's degrees of freedom there; None to compute them, which friction does
-                not allow: another step has begun since.
-        """
+    def _read_again(self, u: Vec) -> Reading:
+        """The loads at the last state, from which work is summed on."""
         last = self.history[-1]
         control = Control(last.load, last.parameters)
         self.system.set_position(control)
@@ -267,8 +265,7 @@ class Recorder:
             self.system.set_parameters(control.parameters)
         residual = self.system.create_vector()
         self.system.residual(u, residual)
-        again = self.loads.again(u, residual, last.forces, last.load_work)
-        return again if held_ni is None else replace(again, held=(held_ni.ravel(), again.held[1]))
+        return self.loads.again(u, residual, last.forces, last.load_work)
 
     def begin(self, *, locked: bool) -> None:
         """Say in the run directory what the run is; called on all ranks.
@@ -464,8 +461,6 @@ class Recorder:
                 facts |= {"lowered": self.lowered.facts(), "descending": below.facts() if below else None}
         nodal = [_nodal(u) for u in states.vectors] + [DISPLACEMENT.nodal(values) for values in kept]
         nodal += [_nodal(u) for u in below.states.vectors] if below else []
-        if self.friction.is_used:  # last, see restore
-            nodal.append(DISPLACEMENT.nodal(self._read.held[0] if self._read else np.zeros(nodal[0].size)))
         mine = Checkpoint(facts, self._node_labels, np.array(nodal))
         durable = comm.bcast(time.monotonic() >= self._durable_until)
         label = f"{position.number:06d}" + (f"-{below.position.number:06d}" if below else "")

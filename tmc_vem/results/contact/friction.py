@@ -143,10 +143,10 @@ def _unit(vector_nx: Float) -> Float:
     return unit
 
 
-def measure(traction: Traction, found: SurfaceFriction, slip: Slip, chosen: Bool) -> dict[str, float]:
+def measure(traction: Traction, found: SurfaceFriction, slip: Slip | None, chosen: Bool) -> dict[str, float]:
     """Friction on some stations, see ``OF_FRICTION`` of :mod:`tmc_vem.problems.contact_quantities`.
 
-    Coefficients, what sticks and the slip are left out where there is no contact.
+    Coefficients, what sticks and the slip are left out where there is no contact, the slip also where it is not known.
     """
     mine = chosen & found.touches_n
     weight, tangent, force = traction.weight_n[mine], found.tangent_ni[mine], traction.force_ni[mine]
@@ -157,9 +157,9 @@ def measure(traction: Traction, found: SurfaceFriction, slip: Slip, chosen: Bool
     if not pressing > 0.0:
         return values
     bound = found.bound_n[mine] * weight
-    return values | {
+    values |= {
         "apparent_coefficient": float(np.abs(shear).sum()) / pressing,
         "friction_coefficient": float(np.abs(found.shear_n[mine]) @ weight) / pressing,
         "sticking": float(found.sticking_n[mine] @ bound) / float(bound.sum()),
-        "slip_max": float(np.abs(slip.slip_n[mine]).max()),
     }
+    return values if slip is None else values | {"slip_max": float(np.abs(slip.slip_n[mine]).max())}
