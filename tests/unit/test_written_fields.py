@@ -182,7 +182,7 @@ def test_a_run_goes_on_with_all_that_its_checkpoint_has(tmp_path: Path, monkeypa
             remember=lambda stage, kept: said.append(("stage", stage, [k.tolist() for k in kept])),
         ),
         _read_again=lambda u: said.append(("read", u.getArray().tolist())),
-        contact=SimpleNamespace(is_used=False, go_on=lambda u, slip: said.append(("slip", u.getArray().tolist(), slip))),
+        contact=SimpleNamespace(is_used=False, go_on=lambda u, s: said.append(("slip", u.getArray().tolist(), s))),
     )  # fmt: skip
     u = at(0.0, 0.0)
     states, position = made.restore(u)
