@@ -19,7 +19,7 @@ from tmc_vem.cli.main import cli
 from tmc_vem.cli.progress import summary_rows
 from tmc_vem.problems.contact_probe import Contact
 from tmc_vem.problems.contact_quantities import OF_FRICTION
-from tmc_vem.report import tables
+from tmc_vem.report import plots, tables
 from tmc_vem.report.contact_figure import contact_of, contact_pictures
 from tmc_vem.report.contact_tables import contact_tables
 from tmc_vem.report.friction_figure import rubbing_sides
@@ -244,6 +244,36 @@ def test_pictures_of_friction(sliding: Solved, monkeypatch: pytest.MonkeyPatch) 
     assert [each.name for each in contact_pictures(pulled, None, Units(), "now")] == names[2:]
 
 
+def test_curves_of_a_run_with_friction(sliding: Solved, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Loops of the loads, and what is dissipated beside the energies of bodies and medium."""
+    made: list[Any] = []
+    keep = lambda figure, name, caption: made.append(figure) or SimpleNamespace(name=name)  # noqa: E731
+    monkeypatch.setattr("tmc_vem.report.plots.picture", keep)
+    result = sliding.result
+    (found,) = plots.loops({"a": result})
+    assert found.name == "loops"
+    press, slide = made[0].axes
+    assert (slide.get_xlabel(), slide.get_ylabel()) == ("slide.displacement (mm)", "slide.reaction (N/mm)")
+    assert press.get_ylabel() == "press.reaction (N/mm)"
+    last = [record.forces["slide"] for record in result.history]
+    assert slide.lines[0].get_xdata().tolist() == [0.0, *(values["displacement"] for values in last)]
+    assert slide.lines[0].get_ydata().tolist() == [0.0, *(values["reaction"] for values in last)]
+    plain = dataclasses.replace(result, history=[dataclasses.replace(record, friction={}) for record in result.history])
+    assert plots.loops({"a": plain}) == []
+    alone = [dataclasses.replace(record, forces={}) for record in result.history]
+    plots.loops({"a": dataclasses.replace(result, history=alone), "b": result, "c": plain})
+    assert len(made[1].axes) == 2, "of the loads with names"
+    plots.loops({"a": dataclasses.replace(result, history=alone)})
+    (one,) = made[2].axes
+    assert one.lines[0].get_ydata()[-1] == result.reaction
+    assert one.get_xlabel() == "displacement (mm)"
+    figure = plots.energy_split({"a": result})
+    gone = figure.axes[2]
+    assert gone.get_ylabel() == "energy dissipated by friction"
+    assert gone.lines[0].get_ydata()[-1] == result.friction["medium"]["dissipated"]
+    assert len(plots.energy_split({"a": plain}).axes) == 2
+
+
 def test_probes_of_friction_need_some(tmp_path: Path) -> None:
     text = SLIDING.replace(", friction = 0.3", "")
     assert text != SLIDING
@@ -258,3 +288,27 @@ def test_probes_of_friction_need_some(tmp_path: Path) -> None:
 def _written(path: Path, text: str) -> Path:
     path.write_text(text)
     return path
+
+
+def test_a_block_on_ground(tmp_path: Path) -> None:
+    """Without a lower body: friction is that of the block alone, and so is its slip."""
+    text = SLIDING
+    for old, new in (
+        ("low = { rectangle = [0, 0, 1, 0.4] }\n", ""), ('low = { shape = "low", solid = { E = 20, nu = 0 } }\n', ""),
+        ("gap = [[0.5, 0.4], [0.5, 0.6]]\n", ""), ("[[0, 0], [1, 0]]", "[[0, 0.4], [1, 0.4]]"),
+        ('of = "low-up"', 'of = "up"'), ("[3, 1]]", "[2, 1]]"),
+        ("[2, 1], [3, 0.5]]", "[2, 1]]"), ("steps = 12", "steps = 8"),
+        ("ux = 0.12", "ux = 0.06"), ("uy = -0.22", "uy = -0.2"), ("snapshots = 3", "snapshots = 0"),
+    ):  # fmt: skip
+        assert old in text
+        text = text.replace(old, new)
+    result = solved(tmp_path, text).result
+    assert result.complete
+    assert result.contact.keys() == {"up"}
+    up, slide = result.contact["up"], result.loads["slide"]
+    assert up["friction_x"] == pytest.approx(-slide["reaction"], rel=0.1)
+    assert result.reported.keys() >= {"contact.up.friction", "contact.up.apparent_coefficient"}
+    assert result.curves is not None
+    assert result.curves.friction is not None
+    assert 0.03 < up["slip_max"] < 0.06
+    assert up["slip_max"] == result.curves.friction.slip_n.max()

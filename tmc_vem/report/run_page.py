@@ -120,6 +120,7 @@ def _field(result: RunResult, shown: Shown | None) -> Block:
 def _curves(runs: tables.Runs) -> list[Block]:
     return [
         picture(plots.gap_and_reaction(runs), "loading", "Gap and reaction during loading."),
+        *plots.loops(runs),
         *plots.probe_pictures(runs),
         picture(plots.smallest_j(runs), "smallest-j", "Smallest J during loading."),
         picture(plots.energy_split(runs), "energy", "Energy of solids and medium during loading."),
