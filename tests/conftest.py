@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from tmc_vem.support.singleton import settle
+
+settle()  # tests load MPI in their own process as well
+
 # Files that take long, the longest first, so that none is left at the end; pytest-xdist goes by numbers of tests.
 LONG = (
     "tests/test_docs.py",

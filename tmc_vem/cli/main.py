@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from tmc_vem.support.singleton import settle
 from tmc_vem.support.version import VERSION
 
 # command: (module, attribute, line for --help). Modules are imported when a command is used, so that --help is quick.
@@ -67,9 +68,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 1 failed check, 2 bad input, 3 load not reached, 130 interrupted."""
     # one thread per process unless the user says otherwise: small BLAS calls from many threads only get in their way
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    # Open MPI 4 forks a daemon for a process that no mpirun has started, only for the case that it spawns others. That
-    # takes 50 ms, and now and then the daemon dies and takes this process with it, without a word.
-    os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
+    settle()
     sys.exit(_run(arguments))
 
 

@@ -24,7 +24,9 @@ def main() -> int:
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
     from tmc_vem.support.petsc_start import start
+    from tmc_vem.support.singleton import settle
 
+    settle()
     start(["tmc-vem"])
     from dataclasses import replace
 
