@@ -147,7 +147,7 @@ def test_what_is_recorded_of_a_step() -> None:
     assert said[-3:] == [("contact", u, residual, False), ("loads", u, residual, Control(0.5), reading), probes_of(u)]
     del said[-3:]
     assert made._plain_history[1]["step"] == 6
-    assert made._main == (states, position)
+    assert made.main == (states, position)
     probes, acting = probes_of(u), ("contact", u, residual, True)
     first, second = (("loads", u, residual, Control(0.5, {"gamma": 1e-3}), before) for before in (None, reading))
     assert said == [

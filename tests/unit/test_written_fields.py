@@ -166,8 +166,9 @@ def test_a_run_goes_on_with_all_that_its_checkpoint_has(tmp_path: Path, monkeypa
     }  # fmt: skip
     labels = np.zeros((1, 3))
     checkpoint = SimpleNamespace(
-        facts=facts, values_at=lambda given: np.array([[[1.0, 2.0]], [[3.0, 4.0]], [[5.0, 6.0]]])
-    )
+        facts=facts, values_at=lambda given: np.array([[[1.0, 2.0]], [[3.0, 4.0]], [[5.0, 6.0]]]),
+        shear_kp=np.empty((0, 0)), points_px=np.empty((0, 2)),
+    )  # fmt: skip
     monkeypatch.setattr("tmc_vem.simulation.recorder.Checkpoint", SimpleNamespace(read=lambda path: checkpoint))
     said: list[Any] = []
     made: Any = Recorder.__new__(Recorder)
@@ -180,6 +181,7 @@ def test_a_run_goes_on_with_all_that_its_checkpoint_has(tmp_path: Path, monkeypa
         system=SimpleNamespace(
             comm=MPI.COMM_SELF,
             remember=lambda stage, kept: said.append(("stage", stage, [k.tolist() for k in kept])),
+            shear=lambda u: (np.empty((0, 2)), np.empty(0)),
         ),
         _read_again=lambda u: said.append(("read", u.getArray().tolist())),
         contact=SimpleNamespace(is_used=False, go_on=lambda u, s: said.append(("slip", u.getArray().tolist(), s))),
