@@ -14,7 +14,7 @@ import pyvista
 from click.testing import CliRunner
 from helpers_traction import Solved, solved
 
-from tmc_vem import RunResult
+from tmc_vem import RunResult, run
 from tmc_vem.cli.main import cli
 from tmc_vem.cli.progress import summary_rows
 from tmc_vem.problems.contact_probe import Contact
@@ -269,7 +269,7 @@ def test_curves_of_a_run_with_friction(sliding: Solved, monkeypatch: pytest.Monk
     assert one.get_xlabel() == "displacement (mm)"
     figure = plots.energy_split({"a": result})
     gone = figure.axes[2]
-    assert gone.get_ylabel() == "energy dissipated by friction"
+    assert gone.get_ylabel() == "energy dissipated by friction (N)"
     assert gone.lines[0].get_ydata()[-1] == result.friction["medium"]["dissipated"]
     assert len(plots.energy_split({"a": plain}).axes) == 2
 
@@ -302,7 +302,7 @@ def test_a_block_on_ground(tmp_path: Path) -> None:
     ):  # fmt: skip
         assert old in text
         text = text.replace(old, new)
-    result = solved(tmp_path, text).result
+    result = solved(tmp_path, text, tmp_path / "run").result
     assert result.complete
     assert result.contact.keys() == {"up"}
     up, slide = result.contact["up"], result.loads["slide"]
@@ -312,3 +312,14 @@ def test_a_block_on_ground(tmp_path: Path) -> None:
     assert result.curves.friction is not None
     assert 0.03 < up["slip_max"] < 0.06
     assert up["slip_max"] == result.curves.friction.slip_n.max()
+    assert (result.curves.friction.slip_n[result.curves.friction.bound_n > 0.0] >= 0.0).all()
+    # stopped on the way it goes on with the same bits, slip included
+    problem, options = read_problem(tmp_path / "problem.toml")
+    short = run(problem, tmp_path / "cut", dataclasses.replace(options, max_iterations=result.newton_iterations - 8))
+    assert short.cut_short
+    assert 0.0 < short.contact["up"]["slip_max"] < up["slip_max"]
+    again = run(problem, tmp_path / "cut", options, resume=True)
+    same = [dataclasses.replace(record, seconds=0.0) for record in result.history]
+    assert [dataclasses.replace(record, seconds=0.0) for record in again.history] == same
+    assert (tmp_path / "cut" / "contact.csv").read_text() == (tmp_path / "run" / "contact.csv").read_text()
+    assert again.checks == result.checks

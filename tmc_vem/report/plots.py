@@ -151,7 +151,9 @@ def energy_split(runs: Runs) -> Any:
     against_load(axes[0], runs, lambda record, run: _energy(record, run, medium=False), "energy of the solids")
     against_load(axes[1], runs, lambda record, run: _energy(record, run, medium=True), "energy of the third medium")
     if rubs:
-        against_load(axes[2], runs, lambda record, _: _dissipated(record), "energy dissipated by friction")
+        column = next((column for run in runs.values() for column in run.units if column.startswith("friction.")), "")
+        what = with_unit("energy dissipated by friction", runs, column)
+        against_load(axes[2], runs, lambda record, _: _dissipated(record), what)
     axes[0].legend(fontsize=8, frameon=False)
     return figure
 
