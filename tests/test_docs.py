@@ -24,6 +24,7 @@ PAGES = (
             "contact-forces",
             "contact-forces",
             "fenicsx",
+            "friction",
             "hanging-nodes",
             "limit",
             "own-mesh",

@@ -20,6 +20,7 @@ from tmc_vem.results.output import SnapshotWriter
 from tmc_vem.results.records import StepRecord
 from tmc_vem.results.subtriangles import SubTriangles
 from tmc_vem.simulation import simulation
+from tmc_vem.simulation.friction_gauge import RegionFriction
 from tmc_vem.simulation.gauge import Gauge
 from tmc_vem.simulation.measured import Reading
 from tmc_vem.simulation.overlap import OverlapWatch, Refusal, _normal, _Outline
@@ -114,15 +115,16 @@ def test_what_is_recorded_of_a_step() -> None:
         read=lambda *given: said.append(("read", *given[:2], given[2](1, 2), given[3])) or {"gap": 0.125}
     )
     watch = SimpleNamespace(behind=lambda *given: given)
-    traction, found = object(), {"s": {"force": 4.0}}
-    contact = SimpleNamespace(
-        traction=lambda *given: said.append(("traction", *given)) or traction, measured={traction: found}.__getitem__
-    )
+    probes_of = lambda u: ("read", u, residual, (u, 1, 2), found)  # noqa: E731
+    found = {"s": {"force": 4.0}}
+    contact = SimpleNamespace(read=lambda *given, along_path: said.append(("contact", *given, along_path)) or found)
+    rubbed = RegionFriction(0.5, 2.0, 0.25, 8.0, 6.0, 0.5)
+    friction = SimpleNamespace(of_regions=lambda u: {"m": rubbed})
     snapshots = SimpleNamespace(directory=Path("a"), offer=lambda *given: said.append(("offer", *given)))
     timer: Any = lambda phase: _Nothing()  # noqa: E731
     timer.report = lambda: {"total": 1.5}
     made = recorder(
-        loads=loads, _read=None, gauge=gauge, watch=watch, contact=contact,
+        loads=loads, _read=None, gauge=gauge, watch=watch, contact=contact, friction=friction,
         timer=timer, directory=None, history=[], _plain_history=[], _snapshots=snapshots, _every=2,
         _seconds_before=10.0, monitor=SimpleNamespace(stepped=lambda record: said.append("stepped")),
         _write_checkpoint=lambda *given: said.append(("checkpoint", *given)), _load_force=lambda *given: 16.0,
@@ -133,13 +135,20 @@ def test_what_is_recorded_of_a_step() -> None:
         made.record(Step(number, 0.75, control, newton, 1, 9, True), states, position)  # type: ignore[arg-type]
     assert made.history[0] == StepRecord(
         step=5, load=0.5, displacement=-0.25, probes={"gap": 0.125}, reaction=-7.0, iterations=3, cut_backs=1,
-        wasted_iterations=9, min_j={"s": 0.5, "m": 0.25}, energy={"s": 3.0, "m": 4.0}, negative_pivots=2, jumped=True,
+        wasted_iterations=9, min_j={"s": 0.5, "m": 0.25}, energy={"s": 3.0, "m": 3.5}, negative_pivots=2, jumped=True,
         seconds=11.5, time=0.75, parameters={"gamma": 1e-3}, load_force=16.0,
         load_work=2.5, forces={"a": {"work": 3.0}}, contact=found,
+        friction={"m": {"slip_energy": 2.0, "dissipated": 0.25, "work": 0.5, "sticking": 0.75, "contact_j": 0.0625}},
     )  # fmt: skip
+    assert made.history[1].friction["m"]["dissipated"] == 0.5, "summed up"
+    assert made.history[1].friction["m"]["work"] == 1.0
+    beside, _ = made._measure(Step(7, 0.75, Control(0.5), newton, 1, 9, True), u, along_path=False)  # type: ignore[arg-type]
+    assert beside.friction == {"m": {"slip_energy": 2.0, "sticking": 0.75, "contact_j": 0.0625}}
+    assert said[-3:] == [("contact", u, residual, False), ("loads", u, residual, Control(0.5), reading), probes_of(u)]
+    del said[-3:]
     assert made._plain_history[1]["step"] == 6
-    assert made._main == (states, position)
-    probes, acting = ("read", u, residual, (u, 1, 2), found), ("traction", u, residual)
+    assert made.main == (states, position)
+    probes, acting = probes_of(u), ("contact", u, residual, True)
     first, second = (("loads", u, residual, Control(0.5, {"gamma": 1e-3}), before) for before in (None, reading))
     assert said == [
         acting, first, probes, ("offer", 5, 0.75, u), "stepped", acting, second, probes, ("offer", 6, 0.75, u),
@@ -166,7 +175,9 @@ def test_units_and_title_of_a_record() -> None:
     )  # fmt: skip
     probes = {"gap": Gap("a", "b"), "push": Reaction("ux", "a"), "j": MeanJ("m")}
     contact = SimpleNamespace(kinds=lambda contact: {"contact.s.force": FORCE} if contact else {})
-    made = recorder(problem=problem, gauge=SimpleNamespace(probes=probes), history=[], contact=contact)
+    friction = SimpleNamespace(kinds=lambda: {})
+    probed = SimpleNamespace(probes=probes)
+    made = recorder(problem=problem, gauge=probed, history=[], contact=contact, friction=friction)
     assert made._units() == {
         "displacement": "mm", "gap": "mm", "push": "N/mm", "j": "1", "reaction": "N/mm", "min_j_s": "1", "min_j_m": "1",
         "energy_s": "N", "energy_m": "N", "t.angle": "degrees", "t.moment": "N", "t.work": "N",
@@ -271,7 +282,7 @@ def one_cell() -> Any:
         output_polygons=lambda: polygons, comm=MPI.COMM_SELF,
         cell_jacobians=lambda u: (np.array([2.0]), np.array([1.0])),
         cell_energies=lambda u: np.array([6.0]), cell_areas=lambda: np.array([2.0]),
-        output_displacements=lambda u: np.full((8, 2), u),
+        output_displacements=lambda u: np.full((8, 2), u), friction_states=lambda u: iter(()),
     )  # fmt: skip
 
 

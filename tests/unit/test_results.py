@@ -6,7 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,12 +17,13 @@ from tmc_vem.cli.progress import summary_rows
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import read_fields, snapshots
+from tmc_vem.simulation.end_checks import imbalance, second_gradient_energy
 from tmc_vem.simulation.recorder import Recorder
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.petsc import PETSc
 from tmc_vem.support.timing import Timer
-from tmc_vem.system.discretisation import Evaluation, RegionValues
+from tmc_vem.system.discretisation import Discretisation, Evaluation, RegionValues
 from tmc_vem.system.fields import Fields, Polygons
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
@@ -167,9 +168,9 @@ def test_energy_between_cells_is_told_apart() -> None:
         ({"interior_penalty": "none"}, {"regulariser_energy": 0.5}),
         ({}, {"regulariser_energy": 0.5}),
     ):
-        recorder = cast(Recorder, SimpleNamespace(system=system, inputs=inputs))
         u = cast(PETSc.Vec, None)
-        assert Recorder._second_gradient(recorder, u, Evaluation(3.25, regions)) == expected
+        made = cast(Discretisation, system)
+        assert second_gradient_energy(made, u, Evaluation(3.25, regions), inputs) == expected
 
 
 def test_the_summary_says_how_much_is_between_cells(short_run: RunResult) -> None:
@@ -218,20 +219,24 @@ def test_reactions_that_do_not_balance_are_seen_in_either_direction(component: i
     residual = PETSc.Vec().createWithArray(forces.ravel().copy())
     held = lambda vector: vector.getArray().reshape(-1, 2)[1:3]  # noqa: E731
     system = SimpleNamespace(held_forces=held, comm=MPI.COMM_SELF, size=2.0)
-    recorder = cast(Recorder, SimpleNamespace(system=system, history=[]))
-    imbalance = Recorder._imbalance(recorder, residual, {})
-    assert imbalance == pytest.approx(3.0 / 4.0)
+
+    def of(residual: Any, loads: Any, before: float = 0.0) -> float:
+        first = SimpleNamespace(energy={"a": before, "b": before}, forces={})
+        steps = [first, SimpleNamespace(energy={"a": 0.0}, forces=loads)]
+        return imbalance(cast(Discretisation, system), residual, cast(Any, steps))
+
+    assert of(residual, {}) == pytest.approx(3.0 / 4.0)
+    assert imbalance(cast(Discretisation, system), residual, ()) == pytest.approx(3.0 / 4.0)
     axes = ("force_x", "force_y")
     push, pull = ({name: sign * float(axes.index(name) == component) for name in axes} for sign in (5.0, -8.0))
     measures = {"push": push, "pull": pull}  # -3 together
-    assert Recorder._imbalance(recorder, residual, measures) == 0.0
-    assert Recorder._imbalance(recorder, residual, {"push": push}) == pytest.approx(8.0 / 5.0), "relative to the force"
+    assert of(residual, measures) == 0.0
+    assert of(residual, {"push": push}) == pytest.approx(8.0 / 5.0), "relative to the force"
     forces[1, component] = -4.0
     balanced = PETSc.Vec().createWithArray(forces.ravel().copy())
-    assert Recorder._imbalance(recorder, balanced, {}) == 0.0
-    unloaded = SimpleNamespace(energy={"a": 2e7, "b": 2e7})  # asks for forces of 2e7 / 2.0 * 1e-6 or more
-    recorder.history = [unloaded, SimpleNamespace(energy={"a": 0.0})]  # type: ignore[list-item]
-    assert Recorder._imbalance(recorder, residual, {}) == pytest.approx(3.0 / 20.0)
+    assert of(balanced, {}) == 0.0
+    # an energy of 4e7 on the way asks for forces of 4e7 / 2.0 * 1e-6 or more
+    assert of(residual, {}, before=2e7) == pytest.approx(3.0 / 20.0)
 
 
 def test_both_methods_give_the_regulariser_the_same_energy(short_run: RunResult) -> None:

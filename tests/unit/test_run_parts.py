@@ -51,7 +51,7 @@ def made(said: list[Any], **more: Any) -> Any:
         "recorder": SimpleNamespace(record="record", step_failed="failed", findings=[]),
         "monitor": SimpleNamespace(iterated=lambda *given: said.append(given)), "hints": ("odd", "doubtful"),
         "directory": SimpleNamespace(path=Path("a"), start=lambda *given: said.append(("start", *given))),
-        "comm": MPI.COMM_SELF, "command": {"a": 1}, "resume": False, "lowering": None,
+        "comm": MPI.COMM_SELF, "command": {"a": 1}, "resume": False, "lowering": None, "system": None,
     }  # fmt: skip
     return SimpleNamespace(**{**parts, **more})
 
@@ -113,6 +113,7 @@ def test_the_result_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[Any] = []
     evidence: list[Any] = []
     monkeypatch.setattr(recorder, "gather_fields", lambda *_: None)
+    monkeypatch.setattr(recorder, "imbalance", lambda system, r, history: 0.125 if r == "kept r" else 0.0)
     monkeypatch.setattr(recorder, "energy_balance", lambda _: SimpleNamespace(as_dict=lambda: {"lost": 1.0}))
     monkeypatch.setattr(recorder, "balance", lambda comm, work: {"ranks": 1, "work": work})
     monkeypatch.setattr(
@@ -129,14 +130,15 @@ def test_the_result_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
         inputs={"i": 1}, timer=Phase(), findings=[Finding(WARNING, "c")], _order=2, _inverted={"inverted_from": 0.25},
         _facts={"inputs": {"i": 1}, "versions": {}, "n_cells": 5, "n_dofs": 6, "projection_degrees": {}, "media": ()},
         _snapshots=SimpleNamespace(directory=Path("a"), write=lambda *given: said.append(given)),
-        _imbalance=lambda r, forces: 0.125,
         _between_the_points=lambda u: {"inverted_cells": {"m": 2}, "dense_min_j": {"m": -1.0}},
         _units=lambda record: {"of": record.step}, lowered=Lowered(failed_iterations=100), descending=None,
-        contact=SimpleNamespace(curves=lambda *given: said.append(("curves", *given))),
+        contact=SimpleNamespace(
+            curves=lambda *given: said.append(("curves", *given)), residual_of_step=lambda r: f"kept {r}"
+        ),
     )  # fmt: skip
     outcome = SteppingResult(0.5, False, "why", 7, 11, None, 13, "PORD")
     found = rec.finish(outcome, "u", "direct", cut_short=True)
-    assert said == [("residual", "u", "r"), ("curves", "u", "r"), (2, 0.75, "u")]
+    assert said == [("residual", "u", "r"), ("curves", "u", "kept r"), (2, 0.75, "u")]
     assert found.curves is None
     assert found.checks == {
         "imbalance": 0.125, "regulariser_energy": 9.0, "inverted_cells": {"m": 2}, "dense_min_j": {"m": -1.0},

@@ -161,13 +161,14 @@ def test_a_run_goes_on_with_all_that_its_checkpoint_has(tmp_path: Path, monkeypa
     history = [step, replace(step, step=2, seconds=7.5)]
     facts = {
         "inputs": {"a": 1}, "controls": [[0.25], [0.5]], "history": [dict(vars(record)) for record in history],
-        "snapshots": [[0.5, ["x.vtu"]]], "stage": 1,
+        "snapshots": [[0.5, ["x.vtu"]]], "stage": 1, "slip": [[1.0], [2.0]],
         "position": {"time": 0.5, "size": 0.125, "number": 2, "stiffer": [[0.25, 10.0]], "far_at": 0.75, "rate": 1.5},
     }  # fmt: skip
     labels = np.zeros((1, 3))
     checkpoint = SimpleNamespace(
-        facts=facts, values_at=lambda given: np.array([[[1.0, 2.0]], [[3.0, 4.0]], [[5.0, 6.0]]])
-    )
+        facts=facts, values_at=lambda given: np.array([[[1.0, 2.0]], [[3.0, 4.0]], [[5.0, 6.0]]]),
+        shear_kp=np.empty((0, 0)), points_px=np.empty((0, 2)),
+    )  # fmt: skip
     monkeypatch.setattr("tmc_vem.simulation.recorder.Checkpoint", SimpleNamespace(read=lambda path: checkpoint))
     said: list[Any] = []
     made: Any = Recorder.__new__(Recorder)
@@ -180,8 +181,10 @@ def test_a_run_goes_on_with_all_that_its_checkpoint_has(tmp_path: Path, monkeypa
         system=SimpleNamespace(
             comm=MPI.COMM_SELF,
             remember=lambda stage, kept: said.append(("stage", stage, [k.tolist() for k in kept])),
+            shear=lambda u: (np.empty((0, 2)), np.empty(0)),
         ),
-        _read_again=lambda u: said.append(("read", u.getArray().tolist())), contact=SimpleNamespace(is_used=False),
+        _read_again=lambda u: said.append(("read", u.getArray().tolist())),
+        contact=SimpleNamespace(is_used=False, go_on=lambda u, s: said.append(("slip", u.getArray().tolist(), s))),
     )  # fmt: skip
     u = at(0.0, 0.0)
     states, position = made.restore(u)
@@ -191,7 +194,7 @@ def test_a_run_goes_on_with_all_that_its_checkpoint_has(tmp_path: Path, monkeypa
     assert position == StepperState(0.5, 0.125, 2, ((0.25, 10.0),), 0.75, 1.5)
     assert said == [
         ("stage", 1, [[5.0, 6.0]]), ("watch", history), ("history", history, {"of": 2}),
-        ("snapshots", [[0.5, ["x.vtu"]]]), ("read", [3.0, 4.0]),
+        ("snapshots", [[0.5, ["x.vtu"]]]), ("read", [3.0, 4.0]), ("slip", [3.0, 4.0], [[1.0], [2.0]]),
     ]  # fmt: skip
     assert (made.history, made._seconds_before, made._plain_history[1]["step"]) == (history, 7.5, 2)
     made.inputs = {"a": 2}

@@ -141,6 +141,11 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
         rows.append(("energy, regulariser", f"{energy}, a part of the medium's"))
         rows.append(("contact", result.checks["summary"]))
         lost = result.checks.get("energy_balance") or {}
+        if "dissipated" in lost:
+            parts = ("dissipated", "slip", "released", "integration_error")
+            gone, slip, released, error = (with_unit(f"{lost[part]:.4e}", column) for part in parts)
+            text = f"{gone} of {lost['work']:.4e} done, {slip} in elastic slip, {released} released, off by {error}"
+            rows.append(("energy dissipated", text))
         if lost.get("jumps"):
             energy = with_unit(f"{lost['lost']:.3e}", column)
             off = with_unit(f"{sum(jump['uncertainty'] for jump in lost['jumps']):.1e}", column)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tmc_vem.problems.contact_quantities import OF_BODY, OF_PAIR, joint_of, pair_name
+from tmc_vem.problems.contact_quantities import OF_BODY, OF_FRICTION, OF_PAIR, joint_of, pair_name
 from tmc_vem.problems.probes import Known, Probe
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import check_fields, require_choice
@@ -21,7 +21,8 @@ class Contact(Probe):
     """A quantity of contact.
 
     Attributes:
-        quantity: one of ``OF_PAIR`` of :mod:`tmc_vem.problems.contact_quantities`; of a body, one of ``OF_BODY``.
+        quantity: one of ``OF_PAIR`` or ``OF_FRICTION`` of :mod:`tmc_vem.problems.contact_quantities`; of a body, one of
+            ``OF_BODY`` or ``OF_FRICTION``.
         of: name of a body, or of two that face each other, as ``block-seal``.
     """
 
@@ -30,12 +31,12 @@ class Contact(Probe):
 
     def __post_init__(self) -> None:
         check_fields(self)
-        require_choice("contact", self.quantity, OF_PAIR)
+        require_choice("contact", self.quantity, {**OF_PAIR, **OF_FRICTION})
 
     @property
     def kind(self) -> str:
         """Kind of the quantity."""
-        return OF_PAIR[self.quantity]
+        return {**OF_PAIR, **OF_FRICTION}[self.quantity]
 
     def check(self, known: Known) -> None:
         """Nothing is known without a mesh: regions may have several bodies."""
@@ -55,6 +56,13 @@ class Contact(Probe):
                 f"of: there is no body or pair '{self.of}': give one of {', '.join(bodies)}, or two of them in this "
                 f"order with a '{joint}' between"
             )
+        if self.quantity in OF_FRICTION:
+            if all(region.friction is None for region in regions.values()):
+                raise InputError(
+                    f"{self.quantity} of '{self.of}' needs a medium with friction: give one of them friction, such as "
+                    "medium = { friction = 0.3 }, or leave the probe out"
+                )
+            return
         if self.of in bodies and self.quantity not in OF_BODY:
             raise InputError(
                 f"of: '{self.of}' is one body, which has {', '.join(OF_BODY)}: {self.quantity} is that of a pair, as "

@@ -6,7 +6,7 @@ import itertools
 import sys
 from collections.abc import Mapping, Sequence
 
-from tmc_vem.support.units import ENERGY, FORCE, LENGTH, STRESS
+from tmc_vem.support.units import ENERGY, FORCE, LENGTH, NONE, STRESS
 
 # Quantities with their kind; of a pair, the force is that on the first body.
 OF_BODY: Mapping[str, str] = {"force": FORCE, "force_x": FORCE, "force_y": FORCE, "moment": ENERGY}
@@ -20,10 +20,29 @@ OF_PAIR: Mapping[str, str] = {
     "centre_x": LENGTH,
     "centre_y": LENGTH,
 }
+# What bodies and pairs have besides where the medium has friction.
+OF_FRICTION: Mapping[str, str] = {
+    "friction": FORCE,
+    "friction_x": FORCE,
+    "friction_y": FORCE,
+    "apparent_coefficient": NONE,
+    "friction_coefficient": NONE,
+    "sticking": NONE,
+    "slip_max": LENGTH,
+}
 JOINTS, FIRST_SIGN = ("-", "--"), 0x2013  # an en dash, and all signs from there on
 # what bodies that do not face each other have no value of, not even 0
-UNKNOWN_APART = ("gap", "pressure_fit", "centre_x", "centre_y")
+UNKNOWN_APART = (
+    "gap",
+    "pressure_fit",
+    "centre_x",
+    "centre_y",
+    "apparent_coefficient",
+    "friction_coefficient",
+    "sticking",
+)
 SHOWN_OF_BODY, SHOWN_OF_PAIR = ("force",), ("force", "pressure_max", "half_width")
+SHOWN_OF_FRICTION = ("friction", "apparent_coefficient")
 
 
 def pair_name(bodies: Sequence[str], pair: tuple[int, int], joint: str) -> str:
@@ -49,16 +68,24 @@ def is_pair(values: Mapping[str, float]) -> bool:
     return "pressure_max" in values
 
 
+def quantities_of(values: Mapping[str, float]) -> Mapping[str, str]:
+    """All quantities of a body or pair with their kinds, from those that it has in a state."""
+    more = OF_FRICTION if "friction" in values else {}
+    return {**(OF_PAIR if is_pair(values) else OF_BODY), **more}
+
+
 def shown(contact: Mapping[str, Mapping[str, float]]) -> dict[tuple[str, str], float]:
     """What is said of contact that is not in the files alone, by name of body or pair, and quantity.
 
-    The force on the only body is left out if it faces itself: it is none but for what holds the medium.
+    The force on the only body is left out if it faces itself: it is none but for what holds the medium. Friction of
+    bodies is, where pairs have it.
     """
     pairs = [name for name, values in contact.items() if is_pair(values)]
     alone = len(contact) - len(pairs) == 1 and bool(pairs)
+    of_pair, of_body = (*SHOWN_OF_PAIR, *SHOWN_OF_FRICTION), (*SHOWN_OF_BODY, *(() if pairs else SHOWN_OF_FRICTION))
     return {
         (name, quantity): values[quantity]
         for name, values in contact.items()
-        for quantity in (SHOWN_OF_PAIR if name in pairs else () if alone else SHOWN_OF_BODY)
+        for quantity in (of_pair if name in pairs else () if alone else of_body)
         if quantity in values
     }

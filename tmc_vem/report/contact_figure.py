@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.report.figures import border_lines
+from tmc_vem.report.contact_sides import WIDEST, Side, around, axis_name, draw_solids, figure_of, runs_of, sides_of
+from tmc_vem.report.friction_figure import rubbing_sides, shear_and_slip, zones
 from tmc_vem.report.labels import label
 from tmc_vem.report.page import Picture, picture
 from tmc_vem.report.plots import COLOURS
@@ -19,26 +18,15 @@ from tmc_vem.results.records import heading
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.snapshots import nearest, read_fields, record_of, snapshots
 from tmc_vem.support.errors import InputError
-from tmc_vem.support.units import LENGTH, STRESS, Units
+from tmc_vem.support.units import STRESS, Units
 from tmc_vem.system.fields import Fields
 
 Float = NDArray[np.float64]
-Int = NDArray[np.int64]
-Bool = NDArray[np.bool_]
 
-SEEN = 0.02  # of the largest pressure: below it there is nothing to draw
 TALLEST = 0.24  # of the picture's smaller extent: the largest pressure
 MARGIN = 0.6  # around contact, of its extent
 MOST_ARROWS = 40  # of one outline
-WIDEST, TALL = 10.0, (3.0, 5.5)  # inches: of a picture, and its height
-
-
-@dataclass(frozen=True)
-class _Side:
-    """An outline that faces another one, with contact: its name and its stations in their order."""
-
-    name: str
-    stations: Int
+TALL = (3.0, 5.5)  # inches: height of a picture
 
 
 def contact_of(result: RunResult, load: float | None = None) -> list[Picture]:
@@ -64,7 +52,8 @@ def contact_of(result: RunResult, load: float | None = None) -> list[Picture]:
 
 
 def contact_pictures(curves: ContactCurves, fields: Fields | None, units: Units, state: str) -> list[Picture]:
-    """Tractions on the deformed solids and pressure along the outlines; none where nothing presses.
+    """Tractions on the deformed solids and pressure along the outlines, with friction also what sticks, shear and slip;
+    none where nothing presses.
 
     Args:
         curves: the tractions.
@@ -72,46 +61,43 @@ def contact_pictures(curves: ContactCurves, fields: Fields | None, units: Units,
         units: of the problem.
         state: what the state is called in captions.
     """
-    sides = list(_sides(curves))
+    sides, rubbing = list(sides_of(curves)), [] if curves.friction is None else rubbing_sides(curves)
+    friction = []
+    if rubbing:
+        where = "Where contact sticks and where it slips,"
+        under = "Shear of friction, the largest one dotted, and slip along the deformed outlines, full where it sticks,"
+        friction = [
+            picture(zones(curves, fields, rubbing, units), "contact-zones", f"{where} {state}."),
+            picture(shear_and_slip(curves, rubbing, units), "contact-friction", f"{under} {state}."),
+        ]
     if not sides:
-        return []
+        return friction
     arrows = "Tractions of the medium on the deformed solids, and their pressure as curves,"
     along = "True pressure and shear along the deformed outlines,"
     return [
         picture(_tractions(curves, fields, sides, units), "contact-tractions", f"{arrows} {state}."),
         picture(_pressures(curves, sides, units), "contact-pressure", f"{along} {state}."),
+        *friction,
     ]
 
 
-def _sides(curves: ContactCurves) -> Iterator[_Side]:
-    """Outlines by body and what it faces, whose pressure is seen; a body that faces itself has its lines' parts."""
-    most = float(curves.pressure_n.max(initial=0.0))
-    if not most > 0.0:
-        return
-    for body, name in enumerate(curves.bodies):
-        for other, faced in enumerate(curves.bodies):
-            chosen = (curves.body_n == body) & (curves.faces_n == other) & (curves.pressure_n > SEEN * most)
-            if chosen.any():
-                yield _Side(f"on {name}, from {'itself' if name == faced else faced}", np.flatnonzero(chosen))
-
-
-def _tractions(curves: ContactCurves, fields: Fields | None, sides: list[_Side], units: Units) -> Any:
+def _tractions(curves: ContactCurves, fields: Fields | None, sides: list[Side], units: Units) -> Any:
     """All of the solids, and contact from near."""
     points = _solid_points(curves, fields)
     near = curves.point_nx[np.concatenate([side.stations for side in sides])]
-    extents = [_around(points, 0.08), _around(near, MARGIN)]
+    extents = [around(points, 0.08), around(near, MARGIN)]
     shapes = [float(high[0] - low[0]) / float(high[1] - low[1]) for low, high in extents]
     tall = float(np.clip((WIDEST - 1.5) / sum(shapes), *TALL))
-    figure, axes = _figure(2, tall, [max(shape, 0.4) for shape in shapes])
+    figure, axes = figure_of(2, tall, [max(shape, 0.4) for shape in shapes])
     stress = units.of(STRESS) if units.declared else ""
     for one, (low, high) in zip(axes, extents, strict=True):
-        _draw_solids(one, curves, fields)
+        draw_solids(one, curves, fields)
         scale = TALLEST * float(np.min(high - low)) / float(curves.pressure_n.max())
         for n, side in enumerate(sides):
             _draw_tractions(one, curves, side, scale, COLOURS[n % len(COLOURS)])
         one.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-        one.set_xlabel(_axis("x", units))
-    axes[0].set_ylabel(_axis("y", units))
+        one.set_xlabel(axis_name("x", units))
+    axes[0].set_ylabel(axis_name("y", units))
     axes[1].set_title(label(f"largest pressure {curves.pressure_n.max():.4g} {stress}".rstrip()), fontsize=9)
     axes[0].set_title("deformed solids", fontsize=9)
     handles, names = axes[0].get_legend_handles_labels()
@@ -120,26 +106,12 @@ def _tractions(curves: ContactCurves, fields: Fields | None, sides: list[_Side],
     return figure
 
 
-def _draw_solids(axes: Any, curves: ContactCurves, fields: Fields | None) -> None:
-    from matplotlib.collections import LineCollection, PolyCollection
-
-    if fields is None:
-        lines = [curves.point_nx[line] for line in curves.lines(closing=True)]
-    else:
-        polygons, points = fields.polygons, fields.polygons.points_nx + fields.displacement_ni
-        solid = polygons.is_solid_c
-        loops = [points[polygons.cell(c)] for c in np.flatnonzero(solid).tolist()]
-        axes.add_collection(PolyCollection(loops, facecolors="0.9", edgecolors="0.8", linewidths=0.2, rasterized=True))
-        lines = border_lines(polygons.offsets, polygons.connectivity, solid, points)
-    axes.add_collection(LineCollection(lines, colors="0.25", linewidths=0.8))
-
-
-def _draw_tractions(axes: Any, curves: ContactCurves, side: _Side, scale: float, colour: str) -> None:
+def _draw_tractions(axes: Any, curves: ContactCurves, side: Side, scale: float, colour: str) -> None:
     """Arrows of the traction that end on the solid, and the pressure as a curve over it."""
     from matplotlib.collections import PolyCollection
 
     bands = []
-    for run in _runs(curves, side.stations):
+    for run in runs_of(curves, side.stations):
         foot = curves.point_nx[run]
         top = foot + scale * curves.pressure_n[run, None] * curves.normal_nx[run]
         bands.append(np.concatenate([foot, top[::-1]]))
@@ -154,14 +126,14 @@ def _draw_tractions(axes: Any, curves: ContactCurves, side: _Side, scale: float,
     )  # fmt: skip
 
 
-def _pressures(curves: ContactCurves, sides: list[_Side], units: Units) -> Any:
+def _pressures(curves: ContactCurves, sides: list[Side], units: Units) -> Any:
     """Pressure and shear of every outline, counted from the middle of its pressure."""
-    figure, axes = _figure(2, 3.4)
+    figure, axes = figure_of(2, 3.4)
     for n, side in enumerate(sides):
         stations = side.stations
         strength = curves.pressure_n[stations] * curves.deformed_weight_n[stations]
         style = {"color": COLOURS[n % len(COLOURS)], "linewidth": 1.3, "marker": ".", "markersize": 3.5}
-        for number, run in enumerate(_runs(curves, stations)):
+        for number, run in enumerate(runs_of(curves, stations)):
             arc = curves.deformed_arc_length_n
             mine = np.isin(stations, run)
             middle = float(strength[mine] @ arc[stations[mine]]) / float(strength[mine].sum())
@@ -169,22 +141,12 @@ def _pressures(curves: ContactCurves, sides: list[_Side], units: Units) -> Any:
             axes[0].plot(arc[run] - middle, curves.pressure_n[run], label=name, **style)
             axes[1].plot(arc[run] - middle, curves.shear_n[run], **style)
     for one, what in zip(axes, ("pressure", "shear"), strict=True):
-        one.set_xlabel(_axis("length along the outline, from the middle of its pressure", units))
+        one.set_xlabel(axis_name("length along the outline, from the middle of its pressure", units))
         one.set_ylabel(label(heading(what, units.of(STRESS) if units.declared else "")))
         one.grid(True, linewidth=0.4, color="0.88")
     axes[0].set_ylim(bottom=0.0)
     axes[0].legend(fontsize=8, frameon=False)
     return figure
-
-
-def _runs(curves: ContactCurves, stations: Int) -> list[Int]:
-    """Stations that follow each other on one line, with those before and behind them."""
-    breaks = np.flatnonzero((np.diff(stations) > 2) | (np.diff(curves.line_n[stations]) != 0)) + 1
-    found = []
-    for run in np.split(stations, breaks):
-        line = np.flatnonzero(curves.line_n == curves.line_n[run[0]])
-        found.append(np.arange(max(run[0] - 1, line[0]), min(run[-1] + 1, line[-1]) + 1))
-    return found
 
 
 def _solid_points(curves: ContactCurves, fields: Fields | None) -> Float:
@@ -195,26 +157,3 @@ def _solid_points(curves: ContactCurves, fields: Fields | None) -> Float:
     used = np.unique(polygons.connectivity[of_solid])
     points: Float = (polygons.points_nx + fields.displacement_ni)[used]
     return points
-
-
-def _around(points: Float, margin: float) -> tuple[Float, Float]:
-    """Lower left and upper right corner around points, with a margin of a part of their extent."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    room = margin * float((high - low).max())
-    return low - room, high + room
-
-
-def _axis(name: str, units: Units) -> str:
-    return label(heading(name, units.of(LENGTH) if units.declared else ""))
-
-
-def _figure(columns: int, height: float, widths: list[float] | None = None) -> tuple[Any, list[Any]]:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDEST, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = list(figure.subplots(1, columns, squeeze=False, gridspec_kw={"width_ratios": widths})[0])
-    for one in axes:
-        one.spines[["top", "right"]].set_visible(False)
-    return figure, axes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from tmc_vem.problems.contact_quantities import OF_BODY, OF_PAIR, is_pair
+from tmc_vem.problems.contact_quantities import OF_BODY, OF_FRICTION, OF_PAIR, is_pair
 from tmc_vem.report.page import Table
 from tmc_vem.report.tables import number, percent
 from tmc_vem.results.records import heading
@@ -15,6 +15,11 @@ BODIES = "Forces of the medium on the bodies, and their moments about the origin
 PAIRS = (
     "Outlines that face each other: the force is that on the first body, the centre that of contact. Widths are 0 "
     "while the gap is open."
+)
+RUBBING = (
+    "Friction: the force of the shear on the body, or on the first one of a pair; shear over pressure, all of it and "
+    "that of friction alone, without the medium's own; the part of the largest shear that sticks; the largest slip. "
+    "Empty without contact."
 )
 
 
@@ -30,6 +35,9 @@ def contact_tables(result: RunResult) -> list[Table]:
     if pairs:
         share = ["regulariser's share of pressure"] if shares else []
         found.append(Table(PAIRS, ["pair", *_headings(OF_PAIR, units), *share], _rows(pairs, OF_PAIR, shares)))
+    rubbing = {name: values for name, values in result.contact.items() if "friction" in values}
+    if rubbing:
+        found.append(Table(RUBBING, ["body or pair", *_headings(OF_FRICTION, units)], _rows(rubbing, OF_FRICTION, {})))
     return found
 
 

@@ -100,6 +100,32 @@ def probe_pictures(runs: Runs) -> list[Picture]:
     return pictures
 
 
+def loops(runs: Runs) -> list[Picture]:
+    """Reactions against displacements, signs and all, of runs with friction: on the way back they are others."""
+    rubbing = {name: run for name, run in runs.items() if run.friction}
+    loads = [each for run in rubbing.values() for each in run.loads.items()]
+    names = dict.fromkeys(name for name, values in loads if {"displacement", "reaction"} <= {*values})
+    if not rubbing:
+        return []
+    some = list(names)[:PANELS] or [""]
+    figure, axes = axes_of(len(some), height=3.2, width=10.0 if len(some) > 1 else 5.5)
+    for one, load in zip(axes, some, strict=True):
+        for n, (name, run) in enumerate(rubbing.items()):
+            points = [(0.0, 0.0), *(_pair(record, load) for record in run.history)]
+            one.plot(*np.transpose(points), label=label(name), **_style(n))
+        column = f"{load}." if load else ""
+        one.set_xlabel(label(with_unit(f"{column}displacement", rubbing, f"{column}displacement")))
+        one.set_ylabel(label(with_unit(f"{column}reaction", rubbing, f"{column}reaction")))
+    if len(rubbing) > 1:
+        axes[0].legend(fontsize=8, frameon=False)
+    return [picture(figure, "loops", "Reactions against displacements, there and back.")]
+
+
+def _pair(record: StepRecord, load: str) -> tuple[float, float]:
+    values = record.forces.get(load, {}) if load else {"displacement": record.displacement, "reaction": record.reaction}
+    return values.get("displacement", math.nan), values.get("reaction", math.nan)
+
+
 def _probe(name: str) -> Value:
     return lambda record, _: record.reported.get(name)
 
@@ -120,11 +146,20 @@ def _least(record: StepRecord, run: RunResult, *, medium: bool) -> float | None:
 
 def energy_split(runs: Runs) -> Any:
     """Energies of the regions during loading."""
-    figure, axes = axes_of(2)
+    rubs = any(record.friction for run in runs.values() for record in run.history)
+    figure, axes = axes_of(3 if rubs else 2)
     against_load(axes[0], runs, lambda record, run: _energy(record, run, medium=False), "energy of the solids")
     against_load(axes[1], runs, lambda record, run: _energy(record, run, medium=True), "energy of the third medium")
+    if rubs:
+        column = next((column for run in runs.values() for column in run.units if column.startswith("friction.")), "")
+        what = with_unit("energy dissipated by friction", runs, column)
+        against_load(axes[2], runs, lambda record, _: _dissipated(record), what)
     axes[0].legend(fontsize=8, frameon=False)
     return figure
+
+
+def _dissipated(record: StepRecord) -> float | None:
+    return sum(values["dissipated"] for values in record.friction.values()) if record.friction else None
 
 
 def _energy(record: StepRecord, run: RunResult, *, medium: bool) -> float:

@@ -42,7 +42,13 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4, show
         [
             Section(
                 "Result",
-                [tables.final_state(runs), *tables.measured(runs), *tables.energy_in_jumps(runs), warnings],
+                [
+                    tables.final_state(runs),
+                    *tables.measured(runs),
+                    *tables.energy_in_jumps(runs),
+                    *tables.energy_in_friction(runs),
+                    warnings,
+                ],
             ),
             *([Section("Limit for gamma to 0", limit_blocks(name, result))] if result.limit else []),
             *([Section("Deformed states", [_states(result, quantity, n_states)])] if result.history else []),
@@ -114,6 +120,7 @@ def _field(result: RunResult, shown: Shown | None) -> Block:
 def _curves(runs: tables.Runs) -> list[Block]:
     return [
         picture(plots.gap_and_reaction(runs), "loading", "Gap and reaction during loading."),
+        *plots.loops(runs),
         *plots.probe_pictures(runs),
         picture(plots.smallest_j(runs), "smallest-j", "Smallest J during loading."),
         picture(plots.energy_split(runs), "energy", "Energy of solids and medium during loading."),

@@ -159,6 +159,23 @@ def energy_in_jumps(runs: Runs) -> list[Table]:
     return [Table(title, head, rows)] if rows else []
 
 
+def energy_in_friction(runs: Runs) -> list[Table]:
+    """A table that says where the work of runs with friction went, if there are any."""
+    balances = {name: energy_balance(run.history) for name, run in runs.items() if run.friction}
+    names = ("work", "stored", "slip", "dissipated", "released", "lost", "parameters", "integration_error")
+    column = next((column for run in runs.values() for column in run.units if column.startswith("energy_")), "")
+    head = ["run", *(with_unit(name.replace("_", " "), runs, column) for name in names)]
+    rows: list[list[str | Entry]] = [
+        [name, *(number(getattr(balance, each), 4) for each in names)] for name, balance in balances.items() if balance
+    ]
+    title = (
+        "Where the work went: stored, of which elastic slip has a part; dissipated by friction; released by elastic "
+        "slip as the pressure changed; lost in jumps. Stored = work + parameters + integration error - dissipated - "
+        "released - lost."
+    )
+    return [Table(title, head, rows)] if rows else []
+
+
 def region_names_of(runs: Runs) -> list[str]:
     """Names of all regions of some runs."""
     return list(dict.fromkeys(name for run in runs.values() for name in run.min_j))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.results.contact.curves import ContactCurves
+from tmc_vem.results.contact.curves import FRICTION_COLUMNS, ContactCurves
 from tmc_vem.support.files import write_atomically
 from tmc_vem.support.units import COORDINATES, FORCE, LENGTH, NONE, STRESS, Units
 from tmc_vem.system.fields import units_label
@@ -42,6 +42,8 @@ def write_lines(path: Path, curves: ContactCurves, units: Units) -> None:
     ends = np.concatenate([np.empty((0, 2), dtype=np.int64), *pieces])
     length = units.of(LENGTH)
     moved = _array("displacement", curves.point_nx - curves.reference_nx, length)
+    of_friction = FRICTION_COLUMNS if curves.friction is not None else ()
+    friction = [_array(each.name, getattr(curves.friction, each.field), units.of(each.kind)) for each in of_friction]
     groups = {
         "Points": [_array(COORDINATES, curves.reference_nx, length)],
         "Cells": [
@@ -50,7 +52,7 @@ def write_lines(path: Path, curves: ContactCurves, units: Units) -> None:
             _array("types", np.full(len(ends), LINE, dtype=np.uint8), ""),
         ],
         "PointData": [moved, *(_array(name, getattr(curves, field), units.of(kind))
-                               for name, (field, kind) in POINT_DATA.items())],
+                               for name, (field, kind) in POINT_DATA.items()), *friction],
     }  # fmt: skip
     body = "".join(f"      <{group}>\n{''.join(arrays)}      </{group}>\n" for group, arrays in groups.items())
     write_atomically(

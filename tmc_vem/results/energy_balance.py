@@ -1,7 +1,10 @@
-"""Where the work of a run went: into stored energy, or lost in jumps from one branch of equilibria to another.
+"""Where the work of a run went: into stored energy, into friction, or lost in jumps from one branch to another.
 
 Along a branch the stored energy grows by the work of the loads. Where the branch ends, the body falls to another state
 at that load: what is missing afterwards went into motion, heat or sound, of which a static computation knows nothing.
+
+Friction takes work in every step: its elastic slip stores some, the rest is dissipated. Between steps the pressure
+changes, and with it the stiffness of the elastic slip: what is stored at the same shear is then more or less.
 
 A force a(load) with the work W at amplitude 1 does the work ``int a dW``. A spring stores -a W; where its stiffness a
 changes, ``int -W da`` comes in from outside.
@@ -35,16 +38,20 @@ class Jump:
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Stored energy at the end = work + parameters + integration_error - lost.
+    """Stored energy at the end = work + parameters + integration_error - lost - dissipated - released.
 
     Attributes:
         work: of the loads, prescribed displacements and forces, by the trapezoidal rule over the steps.
-        stored: energy at the end, of regions and springs.
+        stored: energy at the end, of regions, springs and elastic slip.
         lost: in all jumps.
         parameters: energy that came in by changes of the medium's parameters, integration error of those steps
             included.
         integration_error: stored energy minus work, over the steps that neither jump nor change a parameter.
         jumps: one by one.
+        slip: of the stored energy, what elastic slip stores.
+        dissipated: by friction.
+        released: what elastic slip has stored less when steps began than when the ones before ended, as the pressure
+            had changed; of the order of the elastic slip.
     """
 
     work: float
@@ -53,17 +60,20 @@ class EnergyBalance:
     parameters: float
     integration_error: float
     jumps: tuple[Jump, ...]
+    slip: float | None = None
+    dissipated: float | None = None
+    released: float | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for result files."""
-        return asdict(self)
+        """Plain values for result files; without friction nothing is said of it."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
 
 
 def energy_balance(history: Sequence[StepRecord]) -> EnergyBalance | None:
     """Balance over the steps of a run; None for one without steps, or written before forces were recorded."""
     if not history or any(record.load_force is None for record in history):
         return None
-    work = stored = load = force = parameters = error = moved = 0.0
+    work = stored = load = force = parameters = error = moved = rubbed = 0.0
     jumps: list[Jump] = []
     before, forces = history[0].parameters, dict[str, Mapping[str, float]]()
     for record in history:
@@ -75,7 +85,9 @@ def energy_balance(history: Sequence[StepRecord]) -> EnergyBalance | None:
             held = record.load_work - moved
             moved = record.load_work
         done = held + sum(each for each, _ in by_forces)
-        surplus = energy - stored - done
+        into_friction = _sum(record, "work")
+        surplus = energy - stored + into_friction - rubbed - done
+        rubbed = into_friction
         if record.parameters != before:
             parameters += surplus
         elif record.jumped:
@@ -85,7 +97,19 @@ def energy_balance(history: Sequence[StepRecord]) -> EnergyBalance | None:
             error += surplus
         work, stored, load, force, before = work + done, energy, record.load, record.load_force, record.parameters
         forces = dict(record.forces)
-    return EnergyBalance(work, stored, sum(jump.lost for jump in jumps), parameters, error, tuple(jumps))
+    lost, last = sum(jump.lost for jump in jumps), history[-1]
+    if not last.friction:
+        return EnergyBalance(work, stored, lost, parameters, error, tuple(jumps))
+    slip, dissipated = _sum(last, "slip_energy"), _sum(last, "dissipated")
+    released = _sum(last, "work") - dissipated - slip
+    return EnergyBalance(
+        work, stored + slip, lost, parameters, error, tuple(jumps), slip=slip, dissipated=dissipated, released=released
+    )
+
+
+def _sum(record: StepRecord, quantity: str) -> float:
+    """Of friction in all regions."""
+    return sum(values[quantity] for values in record.friction.values())
 
 
 def _work(before: Mapping[str, float], now: Mapping[str, float]) -> tuple[float, float]:

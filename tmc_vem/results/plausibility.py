@@ -24,6 +24,10 @@ MEDIUM_REACTION = 0.05
 # The medium counts as not yet squeezed while J stays above this in all of it.
 UNSQUEEZED = 0.5
 SMALLEST_SOLID_J, SMALLEST_MEDIUM_J = 0.2, 1e-6
+# Shear over pressure that a layer of medium has without friction, over J: 3 k / (2 + k^2) at its largest, k^2 = 2.
+PARASITIC = 1.0607
+# Part of the coefficient of friction that it may have.
+PARASITIC_FRICTION = 0.05
 FEW = 4  # loads that are named
 SAME = 1e-9  # relative difference of parameters that are equal
 
@@ -75,6 +79,10 @@ class Evidence:
     def in_medium(self, record: StepRecord) -> float:
         """Energy of the medium."""
         return sum(record.energy[name] for name in self.media)
+
+    def into_friction(self, record: StepRecord) -> float:
+        """Work that has gone into friction so far."""
+        return sum(values["work"] for values in record.friction.values())
 
 
 Rule = Callable[[Evidence], Iterable[Finding]]
@@ -178,11 +186,12 @@ def medium_in_contact(evidence: Evidence) -> Iterable[Finding]:
     if not evidence.squeezed(now) or now.jumped or _is_pushed(now):
         return
     if before is None:
-        work, medium = sum(now.energy.values()), evidence.in_medium(now)
+        work, medium = sum(now.energy.values()) + evidence.into_friction(now), evidence.in_medium(now)
     elif before.parameters != now.parameters or before.displacement == now.displacement:
         return
     else:
         work = sum(now.energy.values()) - sum(before.energy.values())
+        work += evidence.into_friction(now) - evidence.into_friction(before)
         medium = evidence.in_medium(now) - evidence.in_medium(before)
     share = medium / work if work > 0.0 else 0.0
     if share > MEDIUM_REACTION:
@@ -247,6 +256,22 @@ def large_gamma(evidence: Evidence) -> Iterable[Finding]:
             )
 
 
+def parasitic_friction(evidence: Evidence) -> Iterable[Finding]:
+    """A medium whose own friction is not small against that which was asked for."""
+    last = evidence.last
+    for name, values in last.friction.items() if last else ():
+        wanted, J = coefficient_of(evidence.inputs, name), values.get("contact_j")
+        if wanted and J is not None and PARASITIC * J / wanted > PARASITIC_FRICTION:
+            own = PARASITIC * J
+            yield Finding(
+                WARNING,
+                f"the medium '{name}' has a friction of its own of up to {own:.2g} ({PARASITIC:.2f} J, with J = "
+                f"{J:.2g} in contact), {_percent(own / wanted)} of friction = {wanted:g} (more than "
+                f"{PARASITIC_FRICTION:.0%} counts): use a smaller gamma, "
+                "or cite friction_coefficient, which is without it",
+            )
+
+
 def limit_findings(limit: GammaLimit) -> list[Finding]:
     """Limits for gamma to 0 that are withheld, those with the same reason together."""
     by_reason: dict[str, list[str]] = {}
@@ -263,7 +288,7 @@ def limit_findings(limit: GammaLimit) -> list[Finding]:
 # the order is that of their weight
 RULES: tuple[Rule, ...] = (
     overlap, other_parameters, instability, jumps, medium_before_contact, medium_in_contact, stiffer_medium, inverted,
-    jacobians, large_gamma, friction_behind,
+    jacobians, parasitic_friction, large_gamma, friction_behind,
 )  # fmt: skip
 
 
@@ -271,6 +296,15 @@ def wanted_parameters(inputs: Mapping[str, Any], name: str) -> list[float]:
     """Values of a medium's parameter that a problem asks for, in all its media."""
     media = [inputs.get("medium"), *(region.get("medium") for region in _tables(inputs.get("regions")))]
     return [float(medium[name]) for medium in media if isinstance(medium, Mapping) and name in medium]
+
+
+def coefficient_of(inputs: Mapping[str, Any], region: str) -> float | None:
+    """Coefficient of friction of a medium as it was asked for; None if the inputs do not say."""
+    of_region = inputs.get("regions", {})
+    table = of_region.get(region) if isinstance(of_region, Mapping) else None
+    medium = table.get("medium") if isinstance(table, Mapping) else inputs.get("medium")
+    friction = medium.get("friction") if isinstance(medium, Mapping) else None
+    return None if friction is None else float(friction)
 
 
 def differing_parameters(record: StepRecord, inputs: Mapping[str, Any]) -> list[tuple[str, float, float]]:

@@ -12,9 +12,10 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Protocol
 
-from tmc_vem.problems.contact_quantities import OF_BODY, OF_PAIR, is_pair, shown
+from tmc_vem.problems.contact_quantities import quantities_of, shown
 from tmc_vem.problems.probes import GAP, RESERVED, RESERVED_STARTS
 from tmc_vem.results.unfinished import BEGUN, CHECKPOINT, COMMAND
+from tmc_vem.support.units import ENERGY, NONE
 
 # Schema of run directories that is written, and the oldest that is read. A new entry with a default in ``read`` or
 # ``from_row`` leaves both alone; a changed meaning raises both.
@@ -26,9 +27,14 @@ CONTACT_TABLE, CONTACT_FOLDER, CONTACT_LINES = "contact.csv", "contact", "contac
 TRIANGULATED = "triangulated"  # fields cut into triangles: the collection, and what their files begin with
 # groups of values in a record, and what their columns begin with
 _GROUPS = {"min_j": "min_j_", "energy": "energy_", "parameters": "parameter_"}
+_NESTED = ("forces", "contact", "friction")
 _OPTIONAL = ("load_work", "limit_of")  # columns that not every run has
 OF = "."  # between a load and a quantity of it
 CONTACT = "contact" + OF  # what the columns of contact begin with; then comes a body or a pair, and a quantity
+FRICTION = "friction" + OF  # what the columns of friction in a region begin with; then comes the region, and a quantity
+# What is recorded of a region with friction: the energy that its elastic slip stores, what friction has dissipated and
+# what work has gone into it since the start, the part of the largest shear that sticks, and the mean J in contact.
+OF_REGION = {"slip_energy": ENERGY, "dissipated": ENERGY, "work": ENERGY, "sticking": NONE, "contact_j": NONE}
 # What is said of a load that is shown, and not in the files alone; of springs, what has no pair.
 SHOWN = ("displacement", "reaction", "angle", "moment", "force", "area", "swept", "pressure", "work")
 SHOWN_OF_SPRINGS = ("force_x", "force_y", "energy")
@@ -52,7 +58,7 @@ class StepRecord:
         probes: values of the problem's probes by name.
         reaction: force at the loaded point or edge, in the direction of the displacement component.
         iterations: Newton iterations; ``cut_backs`` failed attempts before it, with ``wasted_iterations``.
-        min_j, energy: smallest J and energy by region.
+        min_j, energy: smallest J and energy by region; what friction stores is not in it.
         negative_pivots: negative eigenvalues of the tangent (unstable if above 0), or None if unknown.
         jumped: the equilibrium branch ended before this step, and this state lies on another one.
         seconds: wall time since the start of the run.
@@ -67,6 +73,7 @@ class StepRecord:
             :mod:`tmc_vem.results.contact.pairs`; what is not known in a state is left out.
         limit_of: number of the load step from which gamma was lowered to this state, at the same load; None, and no
             column, for the load steps themselves.
+        friction: by region of medium with friction, see ``OF_REGION``; what is not known without contact is left out.
     """
 
     step: int
@@ -89,6 +96,7 @@ class StepRecord:
     forces: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     contact: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     limit_of: int | None = None
+    friction: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def coordinate(self) -> float:
@@ -114,21 +122,23 @@ class StepRecord:
 
     def as_row(self) -> dict[str, Any]:
         """Flat form for history.csv, groups as ``min_j_<region>``, ``energy_<region>``, ``parameter_<name>``,
-        ``<force>.<measure>`` and ``contact.<body or pair>.<quantity>``.
+        ``<force>.<measure>``, ``contact.<body or pair>.<quantity>`` and ``friction.<region>.<quantity>``.
 
         The regions keep their order, by which the fields of a run directory are given their names.
         """
         flat: dict[str, Any] = {}
         for name, value in asdict(self).items():
-            if name not in (*_GROUPS, "forces", "contact") and not (name in _OPTIONAL and value is None):
+            if name not in (*_GROUPS, *_NESTED) and not (name in _OPTIONAL and value is None):
                 flat |= value if name == "probes" else {name: value}
         for name, prefix in _GROUPS.items():
             flat |= {prefix + key: value for key, value in getattr(self, name).items()}
         for name, measures in self.forces.items():
             flat |= {name + OF + measure: value for measure, value in measures.items()}
         for name, quantities in self.contact.items():
-            columns = OF_PAIR if is_pair(quantities) else OF_BODY
+            columns = quantities_of(quantities)
             flat |= {CONTACT + name + OF + quantity: quantities.get(quantity) for quantity in columns}
+        for name, quantities in self.friction.items():
+            flat |= {FRICTION + name + OF + quantity: quantities.get(quantity) for quantity in OF_REGION}
         return {key: "" if value is None else value for key, value in flat.items()}
 
     @staticmethod
@@ -145,10 +155,12 @@ class StepRecord:
         others = [key for key in row if key not in RESERVED and not key.startswith(RESERVED_STARTS)]
         forces: dict[str, dict[str, float]] = {}
         contact: dict[str, dict[str, float]] = {}
+        friction: dict[str, dict[str, float]] = {}
         for key, value in values({key: row[key] for key in others if OF in key}).items():
-            name, _, measure = key.rpartition(OF)
-            of_contact = name.startswith(CONTACT)  # and of a load called "contact" it is not
-            (contact if of_contact else forces).setdefault(name.removeprefix(CONTACT), {})[measure] = value
+            name, _, measure = key.rpartition(OF)  # of a load called "contact" the name is that, without a dot
+            start = next((start for start in (CONTACT, FRICTION) if name.startswith(start)), "")
+            group_of = {CONTACT: contact, FRICTION: friction}.get(start, forces)
+            group_of.setdefault(name.removeprefix(start), {})[measure] = value
 
         return StepRecord(
             step=int(row["step"]),
@@ -171,6 +183,7 @@ class StepRecord:
             forces=forces,
             contact=contact,
             limit_of=int(row["limit_of"]) if row.get("limit_of") else None,
+            friction=friction,
         )
 
     @staticmethod
@@ -182,9 +195,7 @@ class StepRecord:
 
 # columns of history.csv that every run has
 COLUMNS = tuple(
-    entry.name
-    for entry in fields(StepRecord)
-    if entry.name not in ("probes", "forces", "contact", *_OPTIONAL, *_GROUPS)
+    entry.name for entry in fields(StepRecord) if entry.name not in ("probes", *_NESTED, *_OPTIONAL, *_GROUPS)
 )
 
 

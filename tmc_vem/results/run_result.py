@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmc_vem.results.limit import GammaLimit
-from tmc_vem.results.records import CONTACT, HISTORY, OLDEST, RESULT, SCHEMA, StepRecord, finite, heading
+from tmc_vem.results.records import CONTACT, FRICTION, HISTORY, OLDEST, RESULT, SCHEMA, StepRecord, finite, heading
 from tmc_vem.results.unfinished import unfinished
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import shown
@@ -109,6 +109,12 @@ class RunResult:
         return self.last.contact if self.last else {}
 
     @property
+    def friction(self) -> Mapping[str, Mapping[str, float]]:
+        """What friction has stored and dissipated in the media that have it, and how much of it sticks, by region at
+        the last converged step; see ``OF_REGION`` of :mod:`tmc_vem.results.records`."""
+        return self.last.friction if self.last else {}
+
+    @property
     def reported(self) -> Mapping[str, float]:
         """Probes, and what is shown of loads, at the last converged step."""
         return self.last.reported if self.last else {}
@@ -184,6 +190,7 @@ class RunResult:
             "probes": dict(self.probes),
             **({"loads": {name: dict(values) for name, values in self.loads.items()}} if self.loads else {}),
             **({"contact": {name: dict(values) for name, values in self.contact.items()}} if self.contact else {}),
+            **({"friction": {name: dict(values) for name, values in self.friction.items()}} if self.friction else {}),
             "min_j": dict(self.min_j),
             "energy": dict(last.energy) if last else {},
             "units": dict(self.units),
@@ -286,7 +293,7 @@ def _history(path: Path, columns: Mapping[str, str], *, whole: bool) -> list[Ste
 
 def _name(heading: str, columns: Mapping[str, str]) -> str:
     """Name of a column; a run that goes on does not know yet of which pairs of outlines it will have columns."""
-    if heading not in columns and heading.startswith(CONTACT):
+    if heading not in columns and heading.startswith((CONTACT, FRICTION)):
         return heading.rpartition(" [")[0] or heading
     return columns.get(heading, heading)
 

@@ -7,20 +7,23 @@ that is known to act there; whatever the medium is made of, its regulariser and 
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codegen.integrand import Integrand
-from tmc_vem.problems.contact_quantities import OF_BODY, OF_PAIR, is_pair
+from tmc_vem.problems.contact_quantities import quantities_of
 from tmc_vem.results.contact.curves import ContactCurves
+from tmc_vem.results.contact.friction import SurfaceFriction
 from tmc_vem.results.contact.pairs import measure
 from tmc_vem.results.contact.solids import same_points
 from tmc_vem.results.contact.surface import Surface
 from tmc_vem.results.contact.traction import Traction
 from tmc_vem.results.output import polygons_of
 from tmc_vem.results.records import CONTACT, OF
+from tmc_vem.simulation.friction_gauge import FrictionGauge
 from tmc_vem.simulation.medium_pressure import MediumPressure
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.parallel import from_root, on_root
@@ -40,13 +43,20 @@ class ContactGauge:
         system: the discretisation.
         media: energies of the regions that are third medium, by their names.
         order: polynomial degree along the sides.
+        frictional: names of the media with friction.
 
     Attributes:
         is_used: whether any solid is in medium.
+        friction: what friction does there.
     """
 
-    def __init__(self, system: Discretisation, media: Mapping[str, Integrand], order: int) -> None:
+    def __init__(
+        self, system: Discretisation, media: Mapping[str, Integrand], order: int, frictional: Sequence[str] = ()
+    ) -> None:
         self._system, self._medium = system, MediumPressure(system, media)
+        self.friction = FrictionGauge(system, frictional)
+        # with friction, what the last step was read with: the next one has begun when the run is finished
+        self._kept: tuple[Vec, SurfaceFriction | None] | None = None
         comm = system.comm
         labels = system.node_labels()
         on_cells = np.flatnonzero(labels[:, 2] == 0.0)  # the others are moments
@@ -76,32 +86,71 @@ class ContactGauge:
         u_ni, force_ni = (np.concatenate(values)[self._station] for values in zip(*parts, strict=True))
         return Traction(surface, surface.points_nx + u_ni, surface.share_n[:, None] * force_ni)
 
-    def curves(self, u: Vec, residual: Vec) -> ContactCurves | None:
-        """Everything along the surface at a state with its residual; on rank 0, None elsewhere or without one."""
-        traction = self.traction(u, residual)
-        if not self.is_used:
-            return None
-        parts = self._system.comm.gather(self._medium.of_cells(u)[self._medium_cells])
-
-        def make() -> ContactCurves | None:
-            if traction is None:
-                return None
-            surface = traction.surface
-            of_side = np.concatenate(parts or [])[np.unique(surface.medium_s, return_inverse=True)[1]][:, None]
-            weight_sa = surface.length_s[:, None] * surface.trace.mean_a
-            return ContactCurves.of(traction, surface.summed(weight_sa * of_side) / surface.weight_n)
-
-        return on_root(self._system.comm, make)
-
-    def measured(self, traction: Traction | None) -> Contact:
-        """What is reported of a state, by name of body and of pair, equal on all ranks; see
+    def read(self, u: Vec, residual: Vec, *, along_path: bool = True) -> Contact:
+        """What is reported of a converged state, by name of body and of pair, equal on all ranks; see
         :func:`tmc_vem.results.contact.pairs.measure`.
 
         Args:
-            traction: of :meth:`traction`.
+            u, residual: the state.
+            along_path: it is the next load step, whose slip is added.
         """
-        found: Contact = from_root(self._system.comm, lambda: {} if traction is None else measure(traction))
+        traction = self.traction(u, residual)
+        found = self._friction_at(u, traction)
+        if along_path and self.friction.is_used:
+            self.friction.slide(traction, found)
+            self._kept = residual.copy(), found
+
+        def make() -> Contact:
+            if traction is None:
+                return {}
+            if found is None:
+                return measure(traction)
+            return measure(traction, functools.partial(self.friction.measured, traction, found, along_path=along_path))
+
+        return from_root(self._system.comm, make)
+
+    def go_on(self, u: Vec, slip: Sequence[Sequence[float]]) -> None:
+        """Go on from a state, and the slip there as :meth:`FrictionGauge.plain_slip` has given it."""
+        if self.friction.is_used:
+            self.friction.go_on(self.traction(u, self._system.create_vector()), slip)
+
+    def residual_of_step(self, residual: Vec) -> Vec:
+        """The residual at the last state, of the step that led there: with friction another one has begun since."""
+        return residual if self._kept is None else self._kept[0]
+
+    def _friction_at(self, u: Vec, traction: Traction | None) -> SurfaceFriction | None:
+        """Friction along the surface; on rank 0, None elsewhere or without any."""
+        if not (self.is_used and self.friction.is_used):
+            return None
+        return self.friction.on_surface(traction, self._beside(self.friction.of_cells(u)))
+
+    def _beside(self, values_c: Float) -> Float | None:
+        """Values (n_sides, ...) beside the sides of the surface, of those (n_cells, ...) of this rank's media; on rank
+        0, None elsewhere or without a surface. All ranks call this."""
+        parts = self._system.comm.gather(values_c[self._medium_cells])
+        if parts is None or self._surface is None:
+            return None
+        found: Float = np.concatenate(parts)[np.unique(self._surface.medium_s, return_inverse=True)[1]]
         return found
+
+    def curves(self, u: Vec, residual: Vec) -> ContactCurves | None:
+        """Everything along the surface at the last load step with its residual; on rank 0, None elsewhere or without
+        one."""
+        traction = self.traction(u, residual)
+        if not self.is_used:
+            return None
+        of_side = self._beside(self._medium.of_cells(u))
+        friction = self._kept[1] if self._kept is not None else self._friction_at(u, traction)
+
+        def make() -> ContactCurves | None:
+            if traction is None or of_side is None:
+                return None
+            surface = traction.surface
+            weight_sa = surface.length_s[:, None] * surface.trace.mean_a
+            pressure = surface.summed(weight_sa * of_side[:, None]) / surface.weight_n
+            return ContactCurves.of(traction, pressure, self.friction.curves(friction))
+
+        return on_root(self._system.comm, make)
 
     @staticmethod
     def kinds(contact: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
@@ -109,7 +158,7 @@ class ContactGauge:
         return {
             CONTACT + name + OF + quantity: kind
             for name, values in contact.items()
-            for quantity, kind in (OF_PAIR if is_pair(values) else OF_BODY).items()
+            for quantity, kind in quantities_of(values).items()
         }
 
     def _find(self, parts: Sequence[tuple[Polygons, Int, Float]], order: int) -> list[tuple[Int, Int, Int]]:

@@ -13,6 +13,7 @@ from tmc_vem.simulation.reading import Reader, State, along_x_and_y
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.cut import cut_points
 from tmc_vem.system.discretisation import Discretisation
+from tmc_vem.system.friction_energy import stored_in_regions
 from tmc_vem.system.places import Places
 
 Float = NDArray[np.float64]
@@ -23,11 +24,12 @@ SAME = 1e-9  # of the mesh's size: points nearer than that are one
 
 
 def make_energy_reader(probes: Mapping[str, EnergyOf], problem: Problem, system: Discretisation) -> Reader:
-    """What reads energies of regions: those of the history's columns, sides between cells included."""
+    """What reads energies of regions: those of the history's columns, sides between cells included,
+    friction not."""
 
     def read(state: State) -> dict[str, float]:
-        regions = system.energy(state.u).regions
-        return {name: regions[probe.region].energy for name, probe in probes.items()}
+        energies = stored_in_regions(system, state.u)
+        return {name: energies[probe.region] for name, probe in probes.items()}
 
     return read
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.problems.base import Problem, media_of
+from tmc_vem.problems.base import Problem, media_of, with_friction
 from tmc_vem.results.contact.contact import check_contact
 from tmc_vem.results.contact.curves import ContactCurves
 from tmc_vem.results.contact_files import collect, write_last, write_snapshot
@@ -27,6 +27,7 @@ from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation.balance import balance
 from tmc_vem.simulation.checkpoint import DURABLE, Checkpoint, require_same_inputs
 from tmc_vem.simulation.contact_gauge import ContactGauge
+from tmc_vem.simulation.end_checks import imbalance, second_gradient_energy
 from tmc_vem.simulation.gauge import Gauge
 from tmc_vem.simulation.lowered import Descending, Lowered, stepper_state
 from tmc_vem.simulation.measured import LoadGauge, Reading
@@ -41,13 +42,11 @@ from tmc_vem.support.distributed import Vec
 from tmc_vem.support.parallel import on_every_rank, on_root
 from tmc_vem.support.timing import Timer
 from tmc_vem.system.control import Control
-from tmc_vem.system.discretisation import Discretisation, Evaluation
+from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.fields import Fields
 from tmc_vem.system.stress import Stresses
 
 Float = NDArray[np.float64]
-# Reactions below this part of the largest energy over the size of the domain are those of an unloaded body.
-UNLOADED = 1e-6
 
 
 class Recorder:
@@ -77,7 +76,8 @@ class Recorder:
         self.gauge, self.monitor, self.timer, self.watch = gauge, monitor, timer, watch
         self.loads = LoadGauge(problem, system)
         media = {name: problem.regions()[name].integrand for name in media_of(problem)}
-        self.contact = ContactGauge(system, media, int(inputs["order"]))
+        self.contact = ContactGauge(system, media, int(inputs["order"]), with_friction(problem))
+        self.friction = self.contact.friction
         self._read: Reading | None = None
         self.main: tuple[States, StepperState] | None = None  # from which the load path goes on
         self.lowered = Lowered()
@@ -107,7 +107,7 @@ class Recorder:
         u = states.vectors[-1]
         self.main = states, position
         with self.timer("tables"):
-            record, self._read = self._measure(step, u)
+            record, self._read = self._measure(step, u, along_path=True)
             self._add_to_history(record)
         if self._snapshots is not None:
             with self.timer("snapshots"), reported(self._snapshots.directory):
@@ -131,7 +131,7 @@ class Recorder:
             iterations += len(step.newton.iterations) + step.wasted_iterations
         else:
             with self.timer("tables"):
-                record, _ = self._measure(step, states.vectors[-1])
+                record, _ = self._measure(step, states.vectors[-1], along_path=False)
                 records = [*records, replace(record, time=start.time, limit_of=start.step)]
         self.descending = Descending(start.step, records, states, position, iterations)
         if self._every and step.number % self._every == 0:
@@ -154,14 +154,23 @@ class Recorder:
         if self._every:
             self._write_checkpoint()
 
-    def _measure(self, step: Step, u: Vec) -> tuple[StepRecord, Reading]:
-        """What is recorded of a converged state, which follows the last load step."""
+    def _measure(self, step: Step, u: Vec, *, along_path: bool) -> tuple[StepRecord, Reading]:
+        """What is recorded of a converged state, which follows the last load step.
+
+        Args:
+            step, u: the state.
+            along_path: whether it is a load step itself.
+        """
         residual = step.newton.residual
         assert residual is not None  # it has converged
         regions = step.newton.evaluation.regions
         with self.timer("contact"):
-            traction = self.contact.traction(u, residual)
-            contact = self.contact.measured(traction)
+            contact = self.contact.read(u, residual, along_path=along_path)
+        friction = self.friction.of_regions(u)
+        before: Mapping[str, Mapping[str, float]] | None = None
+        if along_path:
+            before = self.history[-1].friction if self.history else {}
+        potential = {name: values.potential for name, values in friction.items()}
         reading = self.loads.read(u, residual, step.control, self._read)
         return (
             StepRecord(
@@ -174,7 +183,7 @@ class Recorder:
                 cut_backs=step.cut_backs,
                 wasted_iterations=step.wasted_iterations,
                 min_j={name: values.min_j for name, values in regions.items()},
-                energy={name: values.energy for name, values in regions.items()},
+                energy={name: values.energy - potential.get(name, 0.0) for name, values in regions.items()},
                 negative_pivots=step.newton.negative_pivots,
                 jumped=step.jumped,
                 seconds=self._seconds_before + self.timer.report()["total"],
@@ -184,6 +193,10 @@ class Recorder:
                 load_work=reading.work,
                 forces=reading.loads,
                 contact=contact,
+                friction={
+                    name: values.reported(None if before is None else before.get(name, {}))
+                    for name, values in friction.items()
+                },
             ),
             reading,
         )
@@ -241,6 +254,7 @@ class Recorder:
                 on_root(self.system.comm, lambda: collect(snapshots.directory, snapshots.entries))
         if self.history:
             self._read = self._read_again(u)
+            self.contact.go_on(u, facts.get("slip", ()))
         self.main = saved.main, stepper_state(facts["position"])
         return self.main
 
@@ -294,6 +308,7 @@ class Recorder:
         residual = self.system.create_vector()
         with self.timer("check"):
             evaluation = self.system.residual(u, residual)
+        residual = self.contact.residual_of_step(residual)
         with self.timer("contact"):
             curves = self.system.comm.bcast(self.contact.curves(u, residual))
         if self._snapshots is not None and self.history:
@@ -302,8 +317,8 @@ class Recorder:
                 if self._snapshots.write(last.step, last.coordinate, u):
                     self._write_contact(last.step, curves)
         with self.timer("check"):
-            imbalance = self._imbalance(residual, self.history[-1].forces if self.history else {})
-            checks: dict[str, Any] = {"imbalance": imbalance, **self._second_gradient(u, evaluation)}
+            checks: dict[str, Any] = {"imbalance": imbalance(self.system, residual, self.history)}
+            checks |= second_gradient_energy(self.system, u, evaluation, self.inputs)
             checks |= {**self._between_the_points(u), **self._inverted}
             if curves is not None:
                 checks["regulariser_share"] = curves.regulariser_share()
@@ -417,31 +432,6 @@ class Recorder:
         values = residual.getArray(readonly=True)[self.system.constrained()]
         return float(self.system.comm.allreduce(float(values @ self.system.prescribed_per_load(position))))
 
-    def _imbalance(self, residual: Vec, loads: Mapping[str, Mapping[str, float]]) -> float:
-        """Resultant of all reactions, forces and springs, relative to the largest of them: 0 in equilibrium.
-
-        Where all are gone at the end of a cycle, what is left is rounding: they count as at least a part of what the
-        energy on the way has asked for.
-        """
-        reaction_ni = np.concatenate(self.system.comm.allgather(self.system.held_forces(residual)))
-        acting = np.array([(each["force_x"], each["force_y"]) for each in loads.values() if "force_x" in each])
-        acting = acting.reshape(-1, 2)
-        largest = max(float(np.abs(forces).max(initial=0.0)) for forces in (reaction_ni, acting))
-        most = max((abs(sum(record.energy.values())) for record in self.history), default=0.0)
-        largest = max(largest, UNLOADED * most / self.system.size)
-        resultant = np.hypot(*(reaction_ni.sum(axis=0) + acting.sum(axis=0)))
-        return float(resultant) / largest if largest else 0.0
-
-    def _second_gradient(self, u: Vec, evaluation: Evaluation) -> dict[str, float]:
-        """Energy of the regulariser in cells and, if there is an interior penalty, between them."""
-        cells = self.system.cell_energies(u).sum()
-        share = cells - self.system.cell_energies(u, without="alpha_r").sum()
-        found = {"regulariser_energy": float(self.system.comm.allreduce(share))}
-        if self.inputs.get("interior_penalty", "none") != "none":
-            whole = sum(values.energy for values in evaluation.regions.values())
-            found["penalty_energy"] = whole - float(self.system.comm.allreduce(cells))
-        return found
-
     @cached_property
     def _node_labels(self) -> Float:
         return self.system.node_labels()
@@ -468,6 +458,8 @@ class Recorder:
                 "history": self._plain_history,
                 "snapshots": self._snapshots.entries if self._snapshots else [],
             }
+            if self.friction.is_used:
+                facts["slip"] = self.friction.plain_slip()
             if self.lowered.done or below:
                 facts |= {"lowered": self.lowered.facts(), "descending": below.facts() if below else None}
         mine = saved.checkpoint(facts, self._node_labels)
@@ -484,7 +476,7 @@ class Recorder:
     def _units(self, record: StepRecord | None = None) -> dict[str, str]:
         """Units of the columns of the history; without a record, of those that every step will have."""
         kinds = {name: probe.kind for name, probe in self.gauge.probes.items()}
-        kinds |= self.contact.kinds(record.contact if record else {})
+        kinds |= self.contact.kinds(record.contact if record else {}) | self.friction.kinds()
         return units_of_columns(self.problem, kinds, record)
 
     def _units_of(self, records: Sequence[StepRecord]) -> dict[str, str]:

@@ -35,17 +35,29 @@ class Stresses:
         self.withheld = {name: stress.reason for name, stress in self._stress.items() if stress.reason}
 
     def at_points(self, u: Vec, regions: Sequence[str] | None = None) -> Iterator[tuple[PointStates, dict[str, Float]]]:
-        """This rank's cells at their quadrature points, with the tensors (n_cells, n_points, n_components).
+        """This rank's cells at their quadrature points, with the tensors (n_cells, n_points, n_components); friction's
+        shear is in the stress of media that have it.
 
         Args:
             u: displacements.
             regions: those that are wanted; all by default.
         """
+        frictional = self.system.friction_states(u)
+        rubs = next(frictional, None)
         for states in self.system.point_states(u):
+            friction = None
+            if (
+                rubs is not None
+                and rubs.points.region == states.region
+                and np.array_equal(rubs.points.cells, states.cells)
+            ):
+                friction, rubs = rubs, next(frictional, None)
             if regions is None or states.region in regions:
                 stress = self._stress[states.region]
                 G = states.G_cqijk if stress.uses_second_gradient else None
                 P, across = stress.at(states.F_cqij, G, states.parameters)
+                if friction is not None:
+                    P = P + friction.response.tau[..., None, None] * friction.slip.A_ij
                 yield states, tensors_of(states.F_cqij, P, across)
 
     def cell_means(self, u: Vec, wanted: Sequence[str]) -> dict[str, Float]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.problems.contact_quantities import pair_name
 from tmc_vem.results.contact.facing import facing
+from tmc_vem.results.contact.friction import Slip, SurfaceFriction
 from tmc_vem.results.contact.traction import Traction
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import FORCE, LENGTH, NONE, STRESS
@@ -20,6 +21,31 @@ Bool = NDArray[np.bool_]
 
 AXES = ("x", "y")
 HALF = 0.5
+
+
+@dataclass(frozen=True)
+class FrictionCurves:
+    """Friction at the same stations; stresses are true ones.
+
+    Attributes:
+        shear_n: (n,) shear that friction alone makes, positive in the direction of the line.
+        bound_n: (n,) largest shear that it can have, 0 where there is no contact.
+        sticking_n: (n,) part of the bound beside the station that sticks: 1 stick, 0 slip; not a number where there is
+            no contact.
+        slip_n: (n,) how far it has slipped along what it faces, positive in the direction of the line.
+        path_n: (n,) the same, back and forth added up.
+    """
+
+    shear_n: Float
+    bound_n: Float
+    sticking_n: Float
+    slip_n: Float
+    path_n: Float
+
+    @staticmethod
+    def of(found: SurfaceFriction, slip: Slip) -> FrictionCurves:
+        """Those of a state."""
+        return FrictionCurves(found.shear_n, found.bound_n, found.sticking_n, slip.slip_n.copy(), slip.path_n.copy())
 
 
 @dataclass(frozen=True)
@@ -51,6 +77,7 @@ class ContactCurves:
         weight_n: (n,) reference length that a station stands for.
         deformed_weight_n: (n,) the same in the deformed state.
         joint: what stands between the names of two bodies in that of their pair.
+        friction: where the medium has friction.
     """
 
     bodies: tuple[str, ...]
@@ -72,13 +99,16 @@ class ContactCurves:
     weight_n: Float
     deformed_weight_n: Float
     joint: str
+    friction: FrictionCurves | None = None
 
     def __len__(self) -> int:
         return len(self.line_n)
 
     @staticmethod
-    def of(traction: Traction, medium_pressure_n: Float | None = None) -> ContactCurves:
-        """Those of a state, with the pressure (n,) that the medium's own stress shows."""
+    def of(
+        traction: Traction, medium_pressure_n: Float | None = None, friction: FrictionCurves | None = None
+    ) -> ContactCurves:
+        """Those of a state, with the pressure (n,) that the medium's own stress shows, and friction."""
         surface, seen = traction.surface, facing(traction)
         return ContactCurves(
             bodies=surface.bodies,
@@ -100,6 +130,7 @@ class ContactCurves:
             weight_n=surface.weight_n,
             deformed_weight_n=traction.weight_n,
             joint=surface.joint,
+            friction=friction,
         )
 
     def between(self, body: str, other: str | None = None) -> Bool:
@@ -175,4 +206,13 @@ COLUMNS: Sequence[Column] = (
     Column("weight", LENGTH, "weight_n"),
     Column("deformed_weight", LENGTH, "deformed_weight_n"),
 )
+# behind them, where the medium has friction
+FRICTION_COLUMNS: Sequence[Column] = (
+    Column("friction_shear", STRESS, "shear_n"),
+    Column("friction_bound", STRESS, "bound_n"),
+    Column("sticking", NONE, "sticking_n"),
+    Column("slip", LENGTH, "slip_n"),
+    Column("slip_path", LENGTH, "path_n"),
+)
 assert {column.field for column in COLUMNS} <= {entry.name for entry in fields(ContactCurves)}
+assert [column.field for column in FRICTION_COLUMNS] == [entry.name for entry in fields(FrictionCurves)]

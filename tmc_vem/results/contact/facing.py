@@ -28,10 +28,20 @@ class Facing:
     Attributes:
         station_n: (n,) nearest station of the piece of a side that each faces, -1 where it faces nothing.
         gap_n: (n,) distance to that piece, not a number where there is none.
+        ends_ne: (n, 2) stations at the ends of the piece, -1 where there is none.
+        along_n: (n,) where on it, from 0 at its first end to 1.
     """
 
     station_n: Int
     gap_n: Float
+    ends_ne: Int
+    along_n: Float
+
+    def at(self, values_nx: Float) -> Float:
+        """(n, 2) what values of the stations are at the places that these face, 0 where they face nothing."""
+        start, end = np.moveaxis(values_nx[self.ends_ne], 1, 0)
+        there = start + self.along_n[:, None] * (end - start)
+        return np.where((self.station_n >= 0)[:, None], there, 0.0)
 
 
 @dataclass(frozen=True)
@@ -77,15 +87,17 @@ def facing(traction: Traction) -> Facing:
     surface, x = traction.surface, traction.points_nx
     first, last = surface.stations_sa[:, :-1].ravel(), surface.stations_sa[:, 1:].ravel()
     pieces = _Pieces(first, last, x[first], x[last] - x[first])
-    station, gap = np.full(len(x), -1), np.full(len(x), np.nan)
+    found = Facing(np.full(len(x), -1), np.full(len(x), np.nan), np.full((len(x), 2), -1), np.zeros(len(x)))
     normal_nx = traction.normal_ni
     for rows in _chunks(len(x), len(first)):
-        station[rows], gap[rows] = _nearest(pieces, np.arange(len(x))[rows], x[rows], normal_nx[rows])
-    return Facing(station, gap)
+        some = _nearest(pieces, np.arange(len(x))[rows], x[rows], normal_nx[rows])
+        for name, values in vars(some).items():
+            getattr(found, name)[rows] = values
+    return found
 
 
-def _nearest(pieces: _Pieces, number_n: Int, point_nx: Float, normal_nx: Float) -> tuple[Int, Float]:
-    """What points face: a station (n,), and how far its piece is (n,)."""
+def _nearest(pieces: _Pieces, number_n: Int, point_nx: Float, normal_nx: Float) -> Facing:
+    """What points (n, 2) face, with their numbers among the stations."""
     likely = pieces.likely(point_nx, normal_nx)
     start, arm, length = pieces.start_px[likely], pieces.arm_px[likely], pieces.length_p[likely]
     along = np.clip(((point_nx[:, None] - start) * arm).sum(axis=-1) / length**2, 0.0, 1.0)
@@ -97,9 +109,11 @@ def _nearest(pieces: _Pieces, number_n: Int, point_nx: Float, normal_nx: Float) 
     distance = np.where(faces, distance, np.inf)
     best = distance.argmin(axis=1)[:, None]
     along, distance, piece = (np.take_along_axis(each, best, axis=1)[:, 0] for each in (along, distance, likely))
-    station = np.where(along < 0.5, pieces.first[piece], pieces.last[piece])
+    ends = np.column_stack([pieces.first[piece], pieces.last[piece]])
+    station = np.where(along < 0.5, ends[:, 0], ends[:, 1])
     found = np.isfinite(distance)
-    return np.where(found, station, -1), np.where(found, distance, np.nan)
+    return Facing(np.where(found, station, -1), np.where(found, distance, np.nan),
+                  np.where(found[:, None], ends, -1), along)  # fmt: skip
 
 
 def _chunks(n_points: int, n_pieces: int) -> Iterator[slice]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from tmc_vem.results.contact.traction import Traction
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
+Also = Callable[[Bool], dict[str, float]]  # of some stations (n,)
 
 CLOSED = 0.1  # contact is where the gap has shrunk to less than this part of what it was
 LEVEL = 0.5  # of the largest pressure: what is above it makes the width
@@ -49,18 +51,24 @@ def pairs_of(traction: Traction, seen: Facing) -> list[Pair]:
     return [Pair(pair, chosen & first_of, chosen & ~first_of) for pair, chosen in between.items()]
 
 
-def measure(traction: Traction) -> dict[str, dict[str, float]]:
+def measure(traction: Traction, also: Also | None = None) -> dict[str, dict[str, float]]:
     """What is reported of a state, by name of body and of pair: see
     ``OF_BODY`` of :mod:`tmc_vem.problems.contact_quantities` and ``OF_PAIR``.
 
     As long as the gap is open, widths are 0 and there is no centre. A half width is left out where the pressure is that
     of no round contact.
+
+    Args:
+        traction: of the state.
+        also: what else there is to say about some stations: those of a body, or of the first one of a pair.
     """
     surface, seen = traction.surface, facing(traction)
-    found = {name: traction.resultant(surface.body_n == body) for body, name in enumerate(surface.bodies)}
+    chosen = {name: surface.body_n == body for body, name in enumerate(surface.bodies)}
+    found = {name: traction.resultant(mine) for name, mine in chosen.items()}
     for pair in pairs_of(traction, seen):
-        found[pair_name(surface.bodies, pair.bodies, surface.joint)] = _measure(traction, seen, pair)
-    return found
+        name = pair_name(surface.bodies, pair.bodies, surface.joint)
+        chosen[name], found[name] = pair.first_n, _measure(traction, seen, pair)
+    return found if also is None else {name: values | also(chosen[name]) for name, values in found.items()}
 
 
 def _measure(traction: Traction, seen: Facing, pair: Pair) -> dict[str, float]:

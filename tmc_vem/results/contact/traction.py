@@ -42,14 +42,15 @@ class Traction:
         return nominal
 
     @cached_property
-    def _tangents_sai(self) -> Float:
+    def tangents_sai(self) -> Float:
+        """(n_sides, k + 1, 2) derivatives of the deformed sides by their reference length, at their nodes."""
         return self.surface.tangents(self.points_nx)
 
     @cached_property
     def weight_n(self) -> Float:
         """(n,) deformed length that each station stands for."""
         surface = self.surface
-        stretch_sa = np.hypot(*np.moveaxis(self._tangents_sai, -1, 0))
+        stretch_sa = np.hypot(*np.moveaxis(self.tangents_sai, -1, 0))
         return surface.summed(surface.length_s[:, None] * surface.trace.mean_a * stretch_sa)
 
     @property
@@ -63,7 +64,7 @@ class Traction:
         """(n, 2) unit vectors along the deformed lines; at a corner the mean of both sides."""
         surface = self.surface
         weight_sa = surface.length_s[:, None] * surface.trace.mean_a
-        mean = np.column_stack([surface.summed(weight_sa * self._tangents_sai[..., i]) for i in (0, 1)])
+        mean = np.column_stack([surface.summed(weight_sa * self.tangents_sai[..., i]) for i in (0, 1)])
         length = np.hypot(*mean.T)
         unit: Float = mean / np.where(length > 0.0, length, 1.0)[:, None]
         return unit
