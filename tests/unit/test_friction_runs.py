@@ -9,6 +9,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,9 @@ from tmc_vem.results import RunResult as Result
 from tmc_vem.simulation import checkpoint, prepare
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.problem_file import read_problem
+from tmc_vem.simulation.repeats import Repeats
+from tmc_vem.solve.friction_steps import FrictionSteps
+from tmc_vem.solve.stepping import LoadStepper, SteppingResult
 from tmc_vem.support.errors import InputError
 
 MAIN = "from tmc_vem.cli.main import main; main()"
@@ -226,6 +230,38 @@ def test_steps_are_made_for_the_error(tmp_path: Path) -> None:
     assert counts[1] > 1.2 * counts[0]
 
 
+def test_what_goes_along_a_path_with_friction(tmp_path: Path) -> None:
+    given, options = read_problem(rub(tmp_path, "friction_error = 0.02\nextrapolate_gamma = true"))
+    simulation = prepare(given, None, options)
+    stepper, repeats = simulation._stepper(SimpleNamespace(), SimpleNamespace())  # type: ignore[arg-type]
+    assert isinstance(stepper, LoadStepper)
+    assert stepper.soften == {}  # no detour over a stiffer medium
+    assert stepper.friction == FrictionSteps(simulation.system, 0.02)
+    assert stepper.options.target_iterations == 10
+    assert isinstance(repeats, Repeats)
+    again = repeats._stepper(0.1)
+    assert (again.options, again.friction, again.jumps) == (stepper.options, stepper.friction, False)
+    assert [corner.load for corner in again.path.corners] == [0.0, 1.0, 2.0, 3.0]
+    assert [corner.parameters["gamma"] for corner in again.path.corners] == pytest.approx([1e-6] * 4)
+    simulation.recorder.history.append(SimpleNamespace(step=3, jumped=True))  # type: ignore[arg-type]
+    repeats.descend(simulation.system.create_vector())
+    assert simulation.recorder.lowered.done == {3: "the run jumped to another branch before"}
+
+
+def test_a_path_with_a_gamma_that_fails_ends_the_repetitions(with_limit: tuple[Posed, RunResult]) -> None:
+    (given, options), whole = with_limit
+    simulation = prepare(given, None, options)
+    _, repeats = simulation._stepper(SimpleNamespace(check=lambda: None), SimpleNamespace(used_up=False))  # type: ignore[arg-type]
+    assert isinstance(repeats, Repeats)
+    simulation.recorder.history.append(whole.history[-1])
+    ended = SteppingResult(0.25, False, "nothing works", failed_iterations=9)
+    repeats._stepper = lambda factor: SimpleNamespace(run=lambda *_: ended)  # type: ignore[assignment, method-assign, return-value]
+    repeats.descend(simulation.system.create_vector())
+    lowered = simulation.recorder.lowered
+    assert lowered.done == {whole.history[-1].step: "nothing works (at load 0.25, gamma = 0.000316)"}
+    assert lowered.failed_iterations == 9
+
+
 # -- checkpoints -------------------------------------------------------------------------------------------------------
 
 
@@ -266,6 +302,7 @@ def test_parts_of_ranks_have_their_own_points(tmp_path: Path) -> None:
         ("continuation = { gamma = 1e-4 }", "continuation in gamma does not go with friction .*leave it out"),
         ("continuation = { alpha_r = 2 }", "continuation in alpha_r does not go with friction"),
         ('extrapolate_gamma = "path"', "extrapolate_gamma = 'path' does not go with friction .*use extrapolate_gamma"),
+        ("extrapolate_gamma = true\n[[stage]]\nname = 'all'\nbegins = 0", r"and \[\[stage\]\] together"),
         ("friction_error = 0", "solve: friction_error = 0: use a part of the largest friction, above 0 and up to 1"),
         ("friction_error = 1.5", "solve: friction_error = 1.5: use"),
         ("friction_error = nan", "solve: friction_error = nan: use"),
