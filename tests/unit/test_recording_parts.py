@@ -138,7 +138,7 @@ def test_what_is_recorded_of_a_step() -> None:
         load_work=2.5, forces={"a": {"work": 3.0}}, contact=found,
     )  # fmt: skip
     assert made._plain_history[1]["step"] == 6
-    assert made._main == (states, position)
+    assert made.main == (states, position)
     probes, acting = ("read", u, residual, (u, 1, 2), found), ("traction", u, residual)
     first, second = (("loads", u, residual, Control(0.5, {"gamma": 1e-3}), before) for before in (None, reading))
     assert said == [

@@ -51,7 +51,7 @@ def made(said: list[Any], **more: Any) -> Any:
         "recorder": SimpleNamespace(record="record", step_failed="failed", findings=[]),
         "monitor": SimpleNamespace(iterated=lambda *given: said.append(given)), "hints": ("odd", "doubtful"),
         "directory": SimpleNamespace(path=Path("a"), start=lambda *given: said.append(("start", *given))),
-        "comm": MPI.COMM_SELF, "command": {"a": 1}, "resume": False, "lowering": None,
+        "comm": MPI.COMM_SELF, "command": {"a": 1}, "resume": False, "lowering": None, "system": None,
     }  # fmt: skip
     return SimpleNamespace(**{**parts, **more})
 
