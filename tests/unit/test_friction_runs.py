@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from helpers_process import tmc
+from helpers_process import clean_environment, tmc
 from helpers_rub import MEDIUM, rub
 
 from tmc_vem import RunOptions, RunResult, run
@@ -18,9 +23,14 @@ from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.results import RunResult as Result
 from tmc_vem.simulation import checkpoint, prepare
+from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.problem_file import read_problem
+from tmc_vem.simulation.repeats import Repeats
+from tmc_vem.solve.friction_steps import FrictionSteps
+from tmc_vem.solve.stepping import LoadStepper, SteppingResult
 from tmc_vem.support.errors import InputError
 
+MAIN = "from tmc_vem.cli.main import main; main()"
 STEPS = 4
 SOFTER = MEDIUM.replace("gamma = 1e-5", "gamma = 1e-3")
 
@@ -83,22 +93,35 @@ def test_friction_does_what_it_is_for(problem: Posed, tmp_path: Path, whole: Run
     assert "friction_error" not in free.inputs
 
 
-def in_pieces(posed: Posed, out: Path, iterations: int) -> tuple[RunResult, list[int]]:
-    """A run that is stopped after so many iterations, until it is complete; and the load steps it had whenever."""
-    given, options = posed[0], replace(posed[1], max_iterations=iterations)
-    result, stops = run(given, out, options), list[int]()
-    while not result.complete:
-        assert result.cut_short
-        assert result.checks["imbalance"] < 1e-8 or not result.history
-        stops.append(len(result.history))
-        assert len(stops) < 20, "it does not go on"
-        result = run(given, out, options, resume=True)
-    return result, stops
+class Killed(RuntimeError):
+    """What a run ends with at once."""
+
+
+class Killer(Monitor):
+    """Ends a run in an iteration, and knows how many load steps it had."""
+
+    def __init__(self, iterations: int) -> None:
+        self.left = iterations
+
+    def iterated(self, iteration: int, residual: float) -> None:
+        self.left -= 1
+        if self.left < 0:
+            raise Killed
+
+
+def in_pieces(posed: Posed, out: Path) -> tuple[RunResult, int]:
+    """A run that is killed again and again, between any two iterations; and how often it was."""
+    for kills in range(60):
+        try:
+            return run(posed[0], out, posed[1], monitor=Killer((20, 60, 25)[kills % 3]), resume=kills > 0), kills
+        except Killed:
+            assert (out / "checkpoint.npz").exists()
+    raise AssertionError("it does not go on")
 
 
 def test_stopped_runs_go_on_with_the_same_bits(problem: Posed, tmp_path: Path, whole: RunResult) -> None:
-    result, stops = in_pieces(problem, tmp_path / "rub", 75)
-    assert len(set(stops)) > 2
+    result, kills = in_pieces(problem, tmp_path / "rub")
+    assert kills > 3
     assert numbers(result) == numbers(whole)
     assert result.checks == whole.checks
 
@@ -117,12 +140,12 @@ def test_each_gamma_goes_the_whole_path(with_limit: tuple[Posed, RunResult], tmp
     (given, options), found = with_limit
     gammas = [record.parameters["gamma"] for record in found.lowered]
     assert gammas == pytest.approx([1e-3 / 10 ** (k / 2) for k in range(1, 5)], rel=1e-6)
-    text = f"gamma = {gammas[1]!r}"
+    text = f"gamma = {gammas[0]!r}"
     rub(given.directory, "steps = 2\nsnapshots = 0", MEDIUM.replace("gamma = 1e-5", text), "[[1, 0], [1.5, 1]]")
     other, same = read_problem(given.directory / "rub.toml")
     alone = run(other, None, same).history[-1]
-    assert found.lowered[1].forces["slide"]["reaction"] == pytest.approx(alone.forces["slide"]["reaction"], rel=1e-6)
-    assert found.lowered[1].min_j["layer"] == pytest.approx(alone.min_j["layer"], rel=1e-6)
+    assert found.lowered[0].forces["slide"]["reaction"] == pytest.approx(alone.forces["slide"]["reaction"], rel=1e-6)
+    assert found.lowered[0].min_j["layer"] == pytest.approx(alone.min_j["layer"], rel=1e-6)
     assert {record.limit_of for record in found.lowered} == {found.history[-1].step}
     assert found.limit is not None
     assert found.limit.values["slide.reaction"].at[0] == found.history[-1].forces["slide"]["reaction"]
@@ -134,8 +157,8 @@ def test_each_gamma_goes_the_whole_path(with_limit: tuple[Posed, RunResult], tmp
 
 def test_gammas_go_on_with_the_same_bits(with_limit: tuple[Posed, RunResult], tmp_path: Path) -> None:
     posed, whole = with_limit
-    result, stops = in_pieces(posed, tmp_path / "rub", 120)
-    assert stops.count(len(whole.history)) > 1
+    result, kills = in_pieces(posed, tmp_path / "rub")
+    assert kills > 5
     assert numbers(result) == numbers(whole)
     assert result.limit is not None
     assert whole.limit is not None
@@ -143,31 +166,100 @@ def test_gammas_go_on_with_the_same_bits(with_limit: tuple[Posed, RunResult], tm
     assert result.checks == whole.checks
 
 
-@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
-def test_ranks_agree_and_go_on_with_each_other_s_runs(
-    ranks: int, problem: Posed, tmp_path: Path, whole: RunResult
-) -> None:
-    path = rub(tmp_path, f"steps = {STEPS}\nsnapshots = 0")
-    first = tmc("run", str(path), "--out", str(tmp_path / "rub"), "--max-iterations", "75", "--quiet", ranks=ranks)
-    assert first.returncode == 3, first.stderr
+def stopped_on_ranks(ranks: int, out: Path) -> Path:
+    """Problem file of a run that was stopped on some ranks."""
+    path = rub(out.parent, f"steps = {STEPS}\nsnapshots = 0")
+    done = tmc("run", str(path), "--out", str(out), "--max-iterations", "75", "--quiet", ranks=ranks)
+    assert done.returncode == 3, done.stderr
+    return path
+
+
+def test_one_rank_goes_on_with_the_run_of_two(tmp_path: Path, whole: RunResult) -> None:
+    given, options = read_problem(stopped_on_ranks(2, tmp_path / "rub"))
+    found = run(given, tmp_path / "rub", options, resume=True)
+    assert pulls(found) == pytest.approx(pulls(whole), rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_ranks_go_on_with_each_other_s_runs(ranks: int, tmp_path: Path, whole: RunResult) -> None:
+    stopped_on_ranks(ranks, tmp_path / "rub")
     done = tmc("resume", str(tmp_path / "rub"), "--max-iterations", "1000", "--quiet", ranks=5 - ranks)
     assert done.returncode == 0, done.stderr
-    found = Result.read(tmp_path / "rub")
-    assert found.complete
-    wanted = pulls(whole)
-    assert pulls(found) == pytest.approx(wanted, rel=1e-6, abs=1e-9)
+    assert pulls(Result.read(tmp_path / "rub")) == pytest.approx(pulls(whole), rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_twenty_kills_leave_no_trace(tmp_path: Path) -> None:
+    """Of the process itself, by SIGKILL, at any moment after its first new step."""
+    path, out = rub(tmp_path, "steps = 25\nsnapshots = 0"), tmp_path / "rub"
+    whole = run(*read_problem(path)[:1], None, read_problem(path)[1])
+    rng, words = np.random.default_rng(20), ["run", str(path), "--out", str(out)]
+    for _ in range(20):
+        before = rows(out)
+        process = subprocess.Popen([sys.executable, "-c", MAIN, *words, "--quiet"], env=clean_environment())
+        deadline = time.monotonic() + 60.0
+        while rows(out) <= before:
+            assert process.poll() is None, "the run has ended"
+            assert time.monotonic() < deadline, "the run makes no progress"
+            time.sleep(0.002)
+        time.sleep(rng.uniform(0.0, 0.02))
+        process.kill()
+        process.wait(timeout=60)
+        words = ["resume", str(out)]
+    assert tmc("resume", str(out), "--quiet").returncode == 0
+    found = Result.read(out)
+    assert [record.forces for record in found.history] == [record.forces for record in whole.history]
+    assert found.checks == json.loads(json.dumps(whole.checks))
+
+
+def rows(out: Path) -> int:
+    history = out / "history.csv"
+    return len(history.read_text().splitlines()) if history.exists() else 0
 
 
 def test_steps_are_made_for_the_error(tmp_path: Path) -> None:
     given, options = read_problem(rub(tmp_path, "snapshots = 0", history="[[1, 0], [1.5, 0.5]]"))
     counts = []
-    for error in (0.16, 0.04):
+    for error in (0.04, 0.01):
         result = run(given, None, replace(options, friction_error=error))
         assert result.complete
         assert result.checks["friction_error"]["largest"] < error
         assert not any(text.startswith("friction was") for text in result.warnings)
         counts.append(len(result.history))
     assert counts[1] > 1.2 * counts[0]
+
+
+def test_what_goes_along_a_path_with_friction(tmp_path: Path) -> None:
+    given, options = read_problem(rub(tmp_path, "friction_error = 0.02\nextrapolate_gamma = true"))
+    simulation = prepare(given, None, options)
+    stepper, repeats = simulation._stepper(SimpleNamespace(), SimpleNamespace())  # type: ignore[arg-type]
+    assert isinstance(stepper, LoadStepper)
+    assert stepper.soften == {}  # no detour over a stiffer medium
+    assert stepper.friction == FrictionSteps(simulation.system, 0.02)
+    assert stepper.options.target_iterations == 10
+    assert isinstance(repeats, Repeats)
+    again = repeats._stepper(0.1)
+    assert (again.options, again.friction, again.jumps) == (stepper.options, stepper.friction, False)
+    assert [corner.load for corner in again.path.corners] == [0.0, 1.0, 2.0, 3.0]
+    assert [corner.parameters["gamma"] for corner in again.path.corners] == pytest.approx([1e-6] * 4)
+    simulation.recorder.history.append(SimpleNamespace(step=3, jumped=True))  # type: ignore[arg-type]
+    repeats.descend(simulation.system.create_vector())
+    assert simulation.recorder.lowered.done == {3: "the run jumped to another branch before"}
+
+
+def test_a_path_with_a_gamma_that_fails_ends_the_repetitions(with_limit: tuple[Posed, RunResult]) -> None:
+    (given, options), whole = with_limit
+    simulation = prepare(given, None, options)
+    _, repeats = simulation._stepper(SimpleNamespace(check=lambda: None), SimpleNamespace(used_up=False))  # type: ignore[arg-type]
+    assert isinstance(repeats, Repeats)
+    simulation.recorder.history.append(whole.history[-1])
+    ended = SteppingResult(0.25, False, "nothing works", failed_iterations=9)
+    repeats._stepper = lambda factor: SimpleNamespace(run=lambda *_: ended)  # type: ignore[assignment, method-assign, return-value]
+    repeats.descend(simulation.system.create_vector())
+    lowered = simulation.recorder.lowered
+    assert lowered.done == {whole.history[-1].step: "nothing works (at load 0.25, gamma = 0.000316)"}
+    assert lowered.failed_iterations == 9
 
 
 # -- checkpoints -------------------------------------------------------------------------------------------------------
@@ -210,6 +302,7 @@ def test_parts_of_ranks_have_their_own_points(tmp_path: Path) -> None:
         ("continuation = { gamma = 1e-4 }", "continuation in gamma does not go with friction .*leave it out"),
         ("continuation = { alpha_r = 2 }", "continuation in alpha_r does not go with friction"),
         ('extrapolate_gamma = "path"', "extrapolate_gamma = 'path' does not go with friction .*use extrapolate_gamma"),
+        ("extrapolate_gamma = true\n[[stage]]\nname = 'all'\nbegins = 0", r"and \[\[stage\]\] together"),
         ("friction_error = 0", "solve: friction_error = 0: use a part of the largest friction, above 0 and up to 1"),
         ("friction_error = 1.5", "solve: friction_error = 1.5: use"),
         ("friction_error = nan", "solve: friction_error = nan: use"),
