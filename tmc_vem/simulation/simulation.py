@@ -105,7 +105,8 @@ def prepare(
     from tmc_vem.simulation.gauge import Gauge
     from tmc_vem.simulation.overlap import OverlapWatch
     from tmc_vem.simulation.recorder import Recorder
-    from tmc_vem.solve.newton import NewtonSolver
+    from tmc_vem.solve.friction_steps import MOST_ITERATIONS
+    from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
 
     options = options or RunOptions()
     comm = MPI.COMM_WORLD if comm is None else comm
@@ -130,7 +131,8 @@ def prepare(
             system, media_of(problem), order_of(options), tolerated=options.allow_overlap,
             cause=lambda place: from_root(comm, lambda: known_cause(problem, place, loads)),
         )  # fmt: skip
-        solver = NewtonSolver(system, timer=timer, solver=options.solver, admission=watch)
+        newton = NewtonOptions(max_iterations=MOST_ITERATIONS) if with_friction(problem) else NewtonOptions()
+        solver = NewtonSolver(system, newton, timer, options.solver, watch)
         recorder = Recorder(
             problem, system, gauge, run_inputs(problem, options), directory, snapshot_times(path, options),
             options.checkpoint_every, monitor, timer, watch, triangulated=options.triangulated,
