@@ -134,6 +134,9 @@ def test_the_last_state_is_that_of_its_step(sliding: Solved) -> None:
     gauge = sliding.simulation.recorder.contact
     slip = gauge.friction.plain_slip()
     beside = gauge.read(sliding.u, sliding.residual, along_path=False)
+    elsewhere = sliding.u.copy()
+    elsewhere.scale(0.5)
+    gauge.read(elsewhere, sliding.residual, along_path=False)
     assert gauge.friction.plain_slip() == slip
     expected = {name: {q: v for q, v in values.items() if q != "slip_max"} for name, values in result.contact.items()}
     assert beside == {name: pytest.approx(values) for name, values in expected.items()}
