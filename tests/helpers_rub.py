@@ -1,24 +1,23 @@
-"""A block on a rigid base, pressed, pulled at its side and let back: eight cells, with friction."""
+"""A block on a rigid base, pressed, pulled at its side and let back: twelve cells, four with friction."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
+from tmc_vem.mesh.files.io import write_mesh
+from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
+
 RUB = """\
 name = "rub"
-[shapes]
-block = {{ rectangle = [0, 0.05, 1, 0.25] }}
-layer = {{ rectangle = [0, 0, 1, 0.05] }}
 [regions.block]
-shape = "block"
 solid = {{ E = 100, nu = 0.3 }}
 hold = "medium"
 [regions.layer]
-shape = "layer"
 medium = {{ {medium} }}
 [mesh]
-cells = "quadrilaterals"
-size = 0.5
+file = "rub.vtu"
 [edges]
 base = {{ line = [[0, 0], [1, 0]] }}
 back = {{ line = [[0, 0.25], [1, 0.25]] }}
@@ -45,7 +44,7 @@ HISTORY = "[[1, 0], [2, 1], [3, 0.5]]"
 
 
 def rub(directory: Path, solve: str = "", medium: str = MEDIUM, history: str = HISTORY) -> Path:
-    """Problem file of the block.
+    """Problem file of the block, beside its mesh.
 
     Args:
         directory: where to write it.
@@ -53,6 +52,10 @@ def rub(directory: Path, solve: str = "", medium: str = MEDIUM, history: str = H
         medium: its entries.
         history: of the pull.
     """
+    layers = [Rectangle("layer", 0.0, 1.0, 0.0, 0.05), Rectangle("block", 0.0, 1.0, 0.05, 0.25)]
+    write_mesh(
+        structured_quadrilaterals(np.linspace(0.0, 1.0, 5), [0.0, 0.05, 0.15, 0.25], layers), directory / "rub.vtu"
+    )
     path = directory / "rub.toml"
     path.write_text(RUB.format(solve=solve, medium=medium, history=history))
     return path

@@ -393,6 +393,7 @@ NOT_HERE = (
     "overwrite",
     "triangulated",
     "fields",
+    "friction_error",
 )  # they have tests of their own below
 
 

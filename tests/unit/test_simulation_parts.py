@@ -107,7 +107,11 @@ def test_the_defaults_of_a_run() -> None:
         method="vem", steps=None, largest_step=0.1, solver="direct", path=(0.0, 1.0), output_loads=(), continuation={},
         follow=False, allow_overlap=False, max_iterations=None, max_seconds=None, snapshots=10, triangulated=False,
         fields="cauchy_stress,von_mises", checkpoint_every=1, overwrite=False, extrapolate_gamma=False, gamma_decades=2,
+        friction_error=0.01,
     )  # fmt: skip
+    assert simulation.stepping_of(RunOptions(steps=7), friction=True) == SteppingOptions(
+        steps=7, largest=0.1, first=0.01, smallest=1e-5, target_iterations=10
+    )
     assert simulation.stepping_of(RunOptions(steps=7)) == SteppingOptions(
         steps=7, largest=0.1, first=0.01, smallest=1e-5
     )

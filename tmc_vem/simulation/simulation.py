@@ -111,7 +111,7 @@ def prepare(
     comm = MPI.COMM_WORLD if comm is None else comm
     monitor = monitor if monitor is not None and comm.rank == 0 else Monitor()
     timer = Timer()
-    stepping = stepping_of(options)
+    stepping = stepping_of(options, friction=bool(with_friction(problem)))
     path, lowering = control_path(problem, options), lowering_of(problem, options)
     if resume and out is None:
         raise InputError("there is nothing to resume without a run directory")
@@ -344,12 +344,17 @@ def _then(record: OnStep, descents: Descents | Repeats) -> OnStep:
     return on_step
 
 
-def stepping_of(options: RunOptions) -> SteppingOptions:
+def stepping_of(options: RunOptions, *, friction: bool = False) -> SteppingOptions:
     """How the path is divided into steps.
+
+    Args:
+        options: of the run.
+        friction: whether the problem has some.
 
     Raises:
         InputError: the number of steps is out of range.
     """
+    from tmc_vem.solve.friction_steps import TARGET_ITERATIONS
     from tmc_vem.solve.stepping import SteppingOptions
 
     return SteppingOptions(
@@ -357,6 +362,7 @@ def stepping_of(options: RunOptions) -> SteppingOptions:
         largest=options.largest_step,
         first=min(SteppingOptions.first, options.largest_step),
         smallest=min(SteppingOptions.smallest, options.largest_step),
+        target_iterations=TARGET_ITERATIONS if friction else SteppingOptions.target_iterations,
     )
 
 

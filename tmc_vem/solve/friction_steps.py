@@ -25,6 +25,8 @@ SHORTEST = 0.1
 AIM = 0.8  # part of the tolerated error that the next step is made for
 LEAST, MOST = 0.1, 0.5  # by how much a step is cut
 ROUNDING = 1e-6
+# Points that begin to slip or to stick take Newton's method more iterations, in short steps as in long ones.
+TARGET_ITERATIONS = 10
 
 
 @dataclass(frozen=True)

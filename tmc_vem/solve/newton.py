@@ -142,7 +142,7 @@ class NewtonSolver:
         self._trial = self.system.create_vector()
         self._rhs = self.system.create_vector()
         self._diagonal = self._matrix.createVecLeft()
-        self._last_shift = 0.0
+        self.last_shift = 0.0  # from a third of which the next one is tried
         self._shifted = False  # whether the matrix is the tangent plus a diagonal
         self.iterations_done = 0  # since the solver was made, whatever became of them
 
@@ -290,11 +290,11 @@ class NewtonSolver:
     @contextmanager
     def aside(self) -> Iterator[None]:
         """For states beside the path: afterwards the solver goes on as if they had not been solved for."""
-        shift = self._last_shift
+        shift = self.last_shift
         try:
             yield
         finally:
-            self._last_shift = shift
+            self.last_shift = shift
 
     def count(self, iteration: Iteration, on_iteration: OnIteration | None) -> None:
         """An iteration is done: tell who wants to know."""
@@ -361,11 +361,11 @@ class NewtonSolver:
             descends = self._rhs.dot(self._direction) > 0.0
             near = shift == 0.0 and self._direction.norm(3) <= NEAR_EQUILIBRIUM * self.system.size
             if solved and (descends and not negative if stable else descends or near):
-                self._last_shift = shift if shift > 0.0 else self._last_shift
+                self.last_shift = shift if shift > 0.0 else self.last_shift
                 return True, pivots
             if self._linear.lacks_memory:
                 break
-            shift = max(SMALLEST_SHIFT, self._last_shift / 3.0) if shift == 0.0 else 8.0 * shift
+            shift = max(SMALLEST_SHIFT, self.last_shift / 3.0) if shift == 0.0 else 8.0 * shift
         return False, pivots
 
     def _largest_stiffness(self) -> float:

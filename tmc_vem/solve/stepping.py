@@ -106,6 +106,7 @@ class StepperState:
         far_at: the last time at which a state was found far from its prediction, in a step that was halved then.
         rate: the increment that was predicted then, per time.
         friction: how far friction has been behind so far.
+        shift: of the last indefinite tangent, see :class:`tmc_vem.solve.newton.NewtonSolver`.
     """
 
     time: float = 0.0
@@ -115,6 +116,7 @@ class StepperState:
     far_at: float = 0.0
     rate: float = 0.0
     friction: FrictionRecord = field(default_factory=FrictionRecord)
+    shift: float = 0.0
 
 
 OnStep = Callable[[Step, States, StepperState], None]
@@ -209,6 +211,8 @@ class LoadStepper:
         """
         if states is None or position is None:
             states, position = self.start(u)
+        else:
+            self.solver.last_shift = position.shift
         for time, factor in position.stiffer:
             self.path = self.path.stiffened(time, self.soften, factor) or self.path
         self.solver.system.set_position(self.path.at(position.time))
@@ -273,6 +277,7 @@ class LoadStepper:
                     size = min(size, self.friction.largest_next(error, target - position.time))
                 behind = position.friction.with_step(lag, self.path.at(target).load)
                 position = replace(position, time=target, size=size, number=position.number + 1, friction=behind)
+                position = replace(position, shift=self.solver.last_shift)
                 states.beginning, begun, failed = begun, None, False
                 wasted = self.solver.iterations_done - done - len(result.iterations)
                 last = Step(position.number, target, self.path.at(target), result, cut_backs, wasted, jumped)
