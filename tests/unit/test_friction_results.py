@@ -129,8 +129,17 @@ def test_slip_goes_back_and_its_path_goes_on(sliding: Solved) -> None:
 
 
 def test_the_last_state_is_that_of_its_step(sliding: Solved) -> None:
-    """Another step has begun when the run is finished; what is written is in equilibrium all the same."""
+    """What is written when the run is finished is what was recorded; states beside the path leave the slip alone."""
     result = sliding.result
+    gauge = sliding.simulation.recorder.contact
+    slip = gauge.friction.plain_slip()
+    beside = gauge.read(sliding.u, sliding.residual, along_path=False)
+    elsewhere = sliding.u.copy()
+    elsewhere.scale(0.5)
+    gauge.read(elsewhere, sliding.residual, along_path=False)
+    assert gauge.friction.plain_slip() == slip
+    expected = {name: {q: v for q, v in values.items() if q != "slip_max"} for name, values in result.contact.items()}
+    assert beside == {name: pytest.approx(values) for name, values in expected.items()}
     assert result.checks["imbalance"] < 1e-9
     assert result.directory is not None
     written = read_table(result.directory / "contact" / f"step_{result.steps:05d}.csv")
@@ -234,6 +243,16 @@ def test_pictures_of_friction(sliding: Solved, monkeypatch: pytest.MonkeyPatch) 
     assert [text.get_text() for text in shear.get_legend().get_texts()] == ["on low, from up", "on up, from low"]
     curves = sliding.result.traction(2.0)
     assert curves.friction is not None
+    for each in (*sticks.get_segments(), *slips.get_segments()):
+        away = each[0] - curves.point_nx
+        nearest = np.hypot(*away.T).argmin()
+        assert away[nearest] @ curves.normal_nx[nearest] < 0.0, "in the solid"
+    marks = {style: [line for line in shear.lines if line.get_marker() == "o" and line.get_fillstyle() == style]
+             for style in ("full", "none")}  # fmt: skip
+    low = curves.friction.sticking_n[rubbing_sides(curves)[0].stations]
+    assert len(marks["full"][0].get_xdata()) < len(marks["none"][0].get_xdata())
+    assert len(marks["none"][0].get_xdata()) >= (low <= 0.5).sum() > 3
+    assert shear.lines[0].get_xdata().min() < -0.1 < 0.1 < shear.lines[0].get_xdata().max()
     assert slip.lines[0].get_ydata().max() == curves.friction.slip_n[curves.between("low", "up")].max()
     bounds = [line for line in shear.lines if line.get_linestyle() == ":"]
     assert (bounds[0].get_ydata() == -bounds[1].get_ydata()).all()

@@ -106,6 +106,13 @@ def test_what_faces_nothing_is_on_ground_unless_its_line_faces_something() -> No
     nothing = type(seen)(np.full(n, -1), np.full(n, np.nan), np.full((n, 2), -1), np.zeros(n))
     alone.add(before, now, nothing, touches)
     assert alone.slip_n[touches] == pytest.approx([0.25 * c for c in now.tangent_ni[touches, 0]])
+    turned, chord = (
+        Slip.none(n),
+        Traction(now.surface, now.points_nx @ np.array([[0.0, 1.0], [-1.0, 0.0]]), now.force_ni),
+    )
+    turned.add(before, chord, nothing, touches)
+    middle = touches & (now.surface.points_nx[:, 0] == 1.5)  # goes from (1.5, 2) to (-2, 1.75), along x and then y
+    assert turned.slip_n[middle] == pytest.approx([(-3.5 - 0.25) / math.sqrt(2.0)])
     both.add(before, now, seen, touches | away)
     assert (both.slip_n[away] == 0.0).all()
     assert np.abs(both.slip_n[touches]).max() == pytest.approx(0.25)

@@ -113,7 +113,7 @@ def test_the_result_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[Any] = []
     evidence: list[Any] = []
     monkeypatch.setattr(recorder, "gather_fields", lambda *_: None)
-    monkeypatch.setattr(recorder, "imbalance", lambda system, r, history: 0.125 if r == "kept r" else 0.0)
+    monkeypatch.setattr(recorder, "imbalance", lambda system, r, history: 0.125 if r == "r" else 0.0)
     monkeypatch.setattr(recorder, "energy_balance", lambda _: SimpleNamespace(as_dict=lambda: {"lost": 1.0}))
     monkeypatch.setattr(recorder, "balance", lambda comm, work: {"ranks": 1, "work": work})
     monkeypatch.setattr(
@@ -132,13 +132,11 @@ def test_the_result_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
         _snapshots=SimpleNamespace(directory=Path("a"), write=lambda *given: said.append(given)),
         _between_the_points=lambda u: {"inverted_cells": {"m": 2}, "dense_min_j": {"m": -1.0}},
         _units=lambda record: {"of": record.step}, lowered=Lowered(failed_iterations=100), descending=None,
-        contact=SimpleNamespace(
-            curves=lambda *given: said.append(("curves", *given)), residual_of_step=lambda r: f"kept {r}"
-        ),
+        contact=SimpleNamespace(curves=lambda *given: said.append(("curves", *given))),
     )  # fmt: skip
     outcome = SteppingResult(0.5, False, "why", 7, 11, None, 13, "PORD")
     found = rec.finish(outcome, "u", "direct", cut_short=True)
-    assert said == [("residual", "u", "r"), ("curves", "u", "kept r"), (2, 0.75, "u")]
+    assert said == [("residual", "u", "r"), ("curves", "u", "r"), (2, 0.75, "u")]
     assert found.curves is None
     assert found.checks == {
         "imbalance": 0.125, "regulariser_energy": 9.0, "inverted_cells": {"m": 2}, "dense_min_j": {"m": -1.0},

@@ -19,7 +19,6 @@ from tmc_vem.support.units import FIELDS as UNITS_OF
 from tmc_vem.support.units import Units
 from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.fields import Fields, Polygons, write_pvd, write_pvtu
-from tmc_vem.system.friction_energy import stored_in_cells
 from tmc_vem.system.recovery import Patches
 from tmc_vem.system.stress import Stresses
 from tmc_vem.system.tensors import tensors_needed, values_of
@@ -38,7 +37,7 @@ def fields_of(system: Discretisation, u: Vec, polygons: Polygons) -> Fields:
         displacement_ni=system.output_displacements(u),
         jacobian_c=mean_j,
         min_jacobian_c=min_j,
-        energy_density_c=stored_in_cells(system, u) / system.cell_areas(),
+        energy_density_c=system.cell_energies(u) / system.cell_areas(),
     )
 
 

@@ -55,8 +55,6 @@ class ContactGauge:
     ) -> None:
         self._system, self._medium = system, MediumPressure(system, media)
         self.friction = FrictionGauge(system, frictional)
-        # with friction, what the last step was read with: the next one has begun when the run is finished
-        self._kept: tuple[Vec, SurfaceFriction | None] | None = None
         comm = system.comm
         labels = system.node_labels()
         on_cells = np.flatnonzero(labels[:, 2] == 0.0)  # the others are moments
@@ -98,7 +96,6 @@ class ContactGauge:
         found = self._friction_at(u, traction)
         if along_path and self.friction.is_used:
             self.friction.slide(traction, found)
-            self._kept = residual.copy(), found
 
         def make() -> Contact:
             if traction is None:
@@ -113,10 +110,6 @@ class ContactGauge:
         """Go on from a state, and the slip there as :meth:`FrictionGauge.plain_slip` has given it."""
         if self.friction.is_used:
             self.friction.go_on(self.traction(u, self._system.create_vector()), slip)
-
-    def residual_of_step(self, residual: Vec) -> Vec:
-        """The residual at the last state, of the step that led there: with friction another one has begun since."""
-        return residual if self._kept is None else self._kept[0]
 
     def _friction_at(self, u: Vec, traction: Traction | None) -> SurfaceFriction | None:
         """Friction along the surface; on rank 0, None elsewhere or without any."""
@@ -140,7 +133,7 @@ class ContactGauge:
         if not self.is_used:
             return None
         of_side = self._beside(self._medium.of_cells(u))
-        friction = self._kept[1] if self._kept is not None else self._friction_at(u, traction)
+        friction = self._friction_at(u, traction)
 
         def make() -> ContactCurves | None:
             if traction is None or of_side is None:

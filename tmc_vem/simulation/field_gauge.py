@@ -32,7 +32,6 @@ from tmc_vem.simulation.reading import State, along_x_and_y
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.discretisation import Discretisation
-from tmc_vem.system.friction_energy import stored_in_cells
 from tmc_vem.system.places import Places
 from tmc_vem.system.recovery import Patches, Recovered
 from tmc_vem.system.stress import Stresses
@@ -249,7 +248,7 @@ class FieldReader:
         here_c = self._region_c == probe.region
         here_k = np.repeat(here_c, np.diff(self._polygons.offsets))
         if probe.field == DENSITY:
-            values = (stored_in_cells(self._system, u) / self._system.cell_areas())[here_c]
+            values = (self._system.cell_energies(u) / self._system.cell_areas())[here_c]
         elif probe.field in DISPLACEMENTS:
             moved = self._system.output_displacements(u)[self._polygons.connectivity]
             values = moved[here_k, DISPLACEMENTS[probe.field]]
@@ -280,7 +279,7 @@ class FieldReader:
         """This rank's share of the integral of a displacement component or of the energy density, and of the area."""
         here_c = self._region_c == region
         if field == DENSITY:
-            return float(stored_in_cells(self._system, u)[here_c].sum()), float(self._system.cell_areas()[here_c].sum())
+            return float(self._system.cell_energies(u)[here_c].sum()), float(self._system.cell_areas()[here_c].sum())
         weight_n = self._system.area_weights((region,))
         moved_ni = along_x_and_y(self._system, u)
         return float(weight_n @ moved_ni[:, DISPLACEMENTS[field]]), float(self._system.cell_areas()[here_c].sum())

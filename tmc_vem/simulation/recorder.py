@@ -308,7 +308,6 @@ class Recorder:
         residual = self.system.create_vector()
         with self.timer("check"):
             evaluation = self.system.residual(u, residual)
-        residual = self.contact.residual_of_step(residual)
         with self.timer("contact"):
             curves = self.system.comm.bcast(self.contact.curves(u, residual))
         if self._snapshots is not None and self.history:

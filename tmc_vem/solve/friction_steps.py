@@ -22,6 +22,7 @@ from tmc_vem.system.point_values import PointValues
 # The shortest step that is cut because of friction, relative to the tolerated error. Where contact begins there is no
 # friction yet to compare with; a load that grows evenly has steps as long as the error later on.
 SHORTEST = 0.1
+STRETCHED = 1.3  # by how much a step is at most longer than it was made, so that no sliver is left before a stop
 AIM = 0.8  # part of the tolerated error that the next step is made for
 LEAST, MOST = 0.1, 0.5  # by how much a step is cut
 ROUNDING = 1e-6
@@ -107,7 +108,7 @@ class FrictionSteps:
     def shortened(self, ratio: float, taken: float) -> float | None:
         """Size of a step instead of one that was too long for friction; None if it was not."""
         shortest = SHORTEST * self.error
-        if ratio <= 1.0 or taken <= shortest * (1.0 + ROUNDING):
+        if ratio <= 1.0 or taken <= STRETCHED * shortest * (1.0 + ROUNDING):
             return None
         return max(taken * min(max(AIM / ratio, LEAST), MOST), shortest)
 

@@ -11,14 +11,6 @@ from tmc_vem.system.discretisation import Discretisation
 Float = NDArray[np.float64]
 
 
-def stored_in_cells(system: Discretisation, u: Vec) -> Float:
-    """(n_cells,) energies of this rank's cells, what is on the sides between them and friction left out."""
-    energy_c = system.cell_energies(u)
-    for states in system.friction_states(u):
-        energy_c[states.points.cells] -= (states.points.w_cq * states.response.energy).sum(axis=1)
-    return energy_c
-
-
 def stored_in_regions(system: Discretisation, u: Vec) -> dict[str, float]:
     """Energies by region, those on the sides between cells included, friction's left out; equal on all ranks."""
     energies = {name: values.energy for name, values in system.energy(u).regions.items()}
