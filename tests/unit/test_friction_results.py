@@ -26,6 +26,7 @@ from tmc_vem.report.friction_figure import rubbing_sides
 from tmc_vem.results.contact.curves import FRICTION_COLUMNS
 from tmc_vem.results.contact_table import read_table
 from tmc_vem.results.energy_balance import energy_balance
+from tmc_vem.results.output import gather_fields
 from tmc_vem.results.records import OF_REGION
 from tmc_vem.simulation.problem_file import read_problem
 from tmc_vem.support.units import Units
@@ -175,6 +176,15 @@ def test_where_the_work_went(sliding: Solved) -> None:
     # about the friction force times the way that the block slipped
     way = at(sliding.result, 2.0).contact["low-up"]["slip_max"]
     assert dissipated[-1] == pytest.approx(0.141 * way, rel=0.05)
+
+
+def test_energies_of_cells_are_those_of_their_regions(sliding: Solved) -> None:
+    """In fields and probes, without friction, as in the history."""
+    system, result = sliding.simulation.system, sliding.result
+    energy_c = system.cell_energies(sliding.u)
+    assert energy_c.sum() == pytest.approx(sum(result.history[-1].energy.values()), rel=1e-9)
+    density_c = gather_fields(system, sliding.u, ["medium"]).energy_density_c  # type: ignore[union-attr]
+    assert density_c == pytest.approx(energy_c / system.cell_areas())
 
 
 def test_what_is_written(sliding: Solved) -> None:

@@ -248,11 +248,25 @@ def test_what_a_step_is_compared_with() -> None:
     ("ratio", "taken", "wanted"),
     [
         (1.0, 0.1, None), (1.1, 0.1, 0.05), (4.0, 0.1, 0.02), (100.0, 0.1, 0.01), (4.0, 0.002, None),
-        (4.0, 0.0021, 0.002), (100.0, 0.015, 0.002),
+        (4.0, 0.0026, None), (4.0, 0.0027, 0.002), (100.0, 0.015, 0.002),
     ],
 )  # fmt: skip
 def test_how_a_step_is_shortened(ratio: float, taken: float, wanted: float | None) -> None:
     assert FrictionSteps(None, 0.02).shortened(ratio, taken) == (None if wanted is None else pytest.approx(wanted))
+
+
+def test_the_shortest_step_may_be_stretched_to_a_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However far friction is behind: a step that was stretched is not made for once more, for ever."""
+    tried: list[int] = []
+
+    def lag(self: OfSlider, begun: object, u: object) -> Lag:
+        tried.append(1)
+        assert len(tried) < 100, "the same step again and again"
+        return Lag(1.0, 1.0)
+
+    monkeypatch.setattr(OfSlider, "lag", lag)
+    result, _ = slide(Slider(), 0.0, 0.0022)
+    assert result.complete
 
 
 def test_how_long_the_next_step_may_be() -> None:

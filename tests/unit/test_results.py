@@ -161,8 +161,10 @@ def test_energy_between_cells_is_told_apart() -> None:
     def cell_energies(u: object, without: str = "") -> object:
         return np.array([1.0, 1.5]) if without == "alpha_r" else np.array([1.0, 2.0])
 
-    system = SimpleNamespace(cell_energies=cell_energies, comm=MPI.COMM_SELF)
-    regions = {"solid": RegionValues(1.0, 1.0), "medium": RegionValues(2.25, 1.0)}
+    points = SimpleNamespace(region="medium", w_cq=np.array([[2.0]]))
+    rubbed = SimpleNamespace(points=points, response=SimpleNamespace(energy=np.array([[0.5]])))
+    system = SimpleNamespace(cell_energies=cell_energies, comm=MPI.COMM_SELF, friction_states=lambda u: iter([rubbed]))
+    regions = {"solid": RegionValues(1.0, 1.0), "medium": RegionValues(3.25, 1.0)}
     for inputs, expected in (
         ({"interior_penalty": "full"}, {"regulariser_energy": 0.5, "penalty_energy": 0.25}),
         ({"interior_penalty": "none"}, {"regulariser_energy": 0.5}),
@@ -170,7 +172,7 @@ def test_energy_between_cells_is_told_apart() -> None:
     ):
         u = cast(PETSc.Vec, None)
         made = cast(Discretisation, system)
-        assert second_gradient_energy(made, u, Evaluation(3.25, regions), inputs) == expected
+        assert second_gradient_energy(made, u, Evaluation(4.25, regions), inputs) == expected
 
 
 def test_the_summary_says_how_much_is_between_cells(short_run: RunResult) -> None:

@@ -28,7 +28,7 @@ def make_energy_reader(probes: Mapping[str, EnergyOf], problem: Problem, system:
     friction not."""
 
     def read(state: State) -> dict[str, float]:
-        energies = stored_in_regions(system, state.u)
+        energies = stored_in_regions(system, state.u, system.energy(state.u))
         return {name: energies[probe.region] for name, probe in probes.items()}
 
     return read

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from tmc_vem.support.distributed import Vec
-from tmc_vem.system.discretisation import Discretisation
-
-Float = NDArray[np.float64]
+from tmc_vem.system.discretisation import Discretisation, Evaluation
 
 
-def stored_in_regions(system: Discretisation, u: Vec) -> dict[str, float]:
-    """Energies by region, those on the sides between cells included, friction's left out; equal on all ranks."""
-    energies = {name: values.energy for name, values in system.energy(u).regions.items()}
+def stored_in_regions(system: Discretisation, u: Vec, evaluation: Evaluation) -> dict[str, float]:
+    """Energies of a state by region, those on the sides between cells included, friction's left out; equal on all ranks.
+
+    Args:
+        system: the discretisation.
+        u: the state.
+        evaluation: of the potential there.
+    """
+    energies = {name: values.energy for name, values in evaluation.regions.items()}
     mine = dict.fromkeys(energies, 0.0)
     for states in system.friction_states(u):
         mine[states.points.region] += float((states.points.w_cq * states.response.energy).sum())
