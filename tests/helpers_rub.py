@@ -30,7 +30,7 @@ uy = 0
 name = "press"
 at = "back"
 traction = [0, -0.1]
-history = [[0, 0], [1, 1]]
+history = [[0, 0], [0.2, 2e-4], [0.4, 2e-3], [0.6, 0.02], [0.8, 0.2], [1, 1]]
 [[load]]
 name = "slide"
 at = "side"
