@@ -7,7 +7,7 @@ from tmc_vem.system.discretisation import Discretisation, Evaluation
 
 
 def stored_in_regions(system: Discretisation, u: Vec, evaluation: Evaluation) -> dict[str, float]:
-    """Energies of a state by region, those on the sides between cells included, friction's left out; equal on all ranks.
+    """Energies by region, those on the sides between cells included, friction's left out; equal on all ranks.
 
     Args:
         system: the discretisation.
