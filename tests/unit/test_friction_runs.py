@@ -238,7 +238,7 @@ def test_what_goes_along_a_path_with_friction(tmp_path: Path) -> None:
     stepper, repeats = simulation._stepper(SimpleNamespace(), SimpleNamespace())  # type: ignore[arg-type]
     assert isinstance(stepper, LoadStepper)
     assert stepper.soften == {}  # no detour over a stiffer medium
-    assert stepper.friction == FrictionSteps(simulation.system, 0.02)
+    assert stepper.friction == FrictionSteps(simulation.system, 0.02, simulation.path.end)
     assert (stepper.options.target_iterations, stepper.solver.options.max_iterations) == (16, 30)
     assert isinstance(repeats, Repeats)
     again = repeats._stepper(0.1)

@@ -255,6 +255,14 @@ def test_how_a_step_is_shortened(ratio: float, taken: float, wanted: float | Non
     assert FrictionSteps(None, 0.02).shortened(ratio, taken) == (None if wanted is None else pytest.approx(wanted))
 
 
+def test_the_shortest_step_is_a_part_of_a_short_path() -> None:
+    steps = FrictionSteps(None, 0.02, 0.5)
+    assert steps.shortened(100.0, 0.0015) == pytest.approx(0.001)
+    assert steps.shortened(100.0, 0.0013) is None
+    assert steps.largest_next(100.0, 0.01) == pytest.approx(0.001)
+    assert FrictionSteps(None, 0.02, 3.0).largest_next(100.0, 0.01) == pytest.approx(0.002), "not more than of time 1"
+
+
 def test_the_shortest_step_may_be_stretched_to_a_stop(monkeypatch: pytest.MonkeyPatch) -> None:
     """However far friction is behind: a step that was stretched is not made for once more, for ever."""
     tried: list[int] = []

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.report.contact_sides import Side, around, axis_name, draw_solids, figure_of, runs_of
+from tmc_vem.report.contact_sides import SEEN, Side, around, axis_name, draw_solids, figure_of, runs_of
 from tmc_vem.report.labels import label
 from tmc_vem.report.plots import COLOURS
 from tmc_vem.results.contact.curves import ContactCurves, FrictionCurves
@@ -22,10 +22,7 @@ Bool = NDArray[np.bool_]
 STICK, SLIP = "#0b5394", "#c55a11"  # colours of zones
 HALF = 0.5  # of the bound beside a station: what sticks more is drawn as sticking
 MARGIN = 0.25  # around contact, of its extent
-WIDTH, INWARDS = (
-    3.5,
-    0.006,
-)  # of the lines of zones in points, and how far they are in the solid, of the picture's extent
+WIDTH, INWARDS = 3.5, 0.006  # of lines of zones in points; how far they are in the solid, of the picture's extent
 HEIGHT = 3.6  # inches
 
 
@@ -75,7 +72,7 @@ def shear_and_slip(curves: ContactCurves, sides: list[Side], units: Units) -> An
 
 def rubbing_sides(curves: ContactCurves) -> list[Side]:
     """Outlines in contact with friction, by body and what it faces; a body that faces none is on ground."""
-    touches, found = _friction(curves).bound_n > 0.0, []
+    touches, found = _rubs(curves), []
     for body, name in enumerate(curves.bodies):
         mine = touches & (curves.body_n == body)
         faced = sorted({*curves.faces_n[mine].tolist()} - {-1}) or [-1]
@@ -90,6 +87,13 @@ def _friction(curves: ContactCurves) -> FrictionCurves:
     return curves.friction
 
 
+def _rubs(curves: ContactCurves) -> Bool:
+    """(n_stations,) where there is enough friction to be seen."""
+    bound = _friction(curves).bound_n
+    rubs: Bool = bound > SEEN * bound.max(initial=0.0)
+    return rubs
+
+
 def _middle(curves: ContactCurves, stations: Int) -> float:
     """Length along the outline to the middle of some stations."""
     arc, weight = curves.deformed_arc_length_n[stations], curves.deformed_weight_n[stations]
@@ -98,7 +102,7 @@ def _middle(curves: ContactCurves, stations: Int) -> float:
 
 def _segments(curves: ContactCurves, inwards: float) -> tuple[Float, Bool]:
     """Ends (m, 2, 2) of the pieces between stations in contact, moved into their solid, and whether they stick."""
-    sticking = _friction(curves).sticking_n
+    sticking = np.where(_rubs(curves), _friction(curves).sticking_n, np.nan)
     ends = np.concatenate([np.column_stack([line[:-1], line[1:]]) for line in curves.lines(closing=True)])
     ends = ends[np.isfinite(sticking[ends]).all(axis=1)]
     return (curves.point_nx - inwards * curves.normal_nx)[ends], sticking[ends].mean(axis=1) > HALF

@@ -146,10 +146,11 @@ def friction_behind(evidence: Evidence) -> Iterable[Finding]:
     """A step in which friction was farther behind than was asked for."""
     found, wanted = evidence.checks.get("friction_error"), evidence.inputs.get("friction_error")
     if found and wanted and found["largest"] > wanted * (1.0 + SAME):
+        remedy = "take more steps" if evidence.inputs.get("steps") else "take a smaller friction_error, or equal steps"
         yield Finding(
             WARNING,
             f"friction was {found['largest']:.2g} of the largest friction behind in the step to load "
-            f"{found['load']:.4g}, not {wanted:g}: take a smaller friction_error, or more equal steps",
+            f"{found['load']:.4g}, not {wanted:g}: {remedy}",
         )
 
 
