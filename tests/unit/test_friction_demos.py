@@ -53,7 +53,7 @@ def test_a_block_is_compared_without_the_part_of_the_medium_and_over_its_last_cy
     ratio = np.array([0.0, 0.3, 0.3, -0.3, -0.3, 0.3, 0.3])
     part = sliding_block.parasitic(0.01, place / 0.05)
     result = history(
-        [0.5, 1.0, 2.0, 2.5, 4.0, 5.0, 6.0], "slide", place, 0.5 * (ratio + part), [{"squeezed": 0.01}] * 7
+        [0.5, 1.0, 2.0, 2.5, 4.0, 5.0, 6.0], "slide", place, 0.1 * (ratio + part), [{"squeezed": 0.01}] * 7
     )
     found_place, plain, found = sliding_block.ratios(result)
     np.testing.assert_array_equal(found_place, place[1:])
