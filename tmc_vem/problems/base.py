@@ -18,6 +18,7 @@ from tmc_vem.support.units import Units
 from tmc_vem.support.validation import require_choice
 from tmc_vem.system.constraints import Condition
 from tmc_vem.system.forces import Force
+from tmc_vem.system.friction import Friction
 from tmc_vem.system.graded import Graded
 from tmc_vem.system.stage import Stage
 
@@ -35,6 +36,7 @@ class RegionEnergy:
         hold: ``"medium"`` for a solid that may have no supports of its own, as the medium is meant to hold it.
         material: of a solid that has one by name, which knows its moduli at small strains.
         graded: parameters that vary from cell to cell; ``values`` has the number that their factors multiply.
+        friction: of a medium, between the bodies that squeeze it.
     """
 
     energy: Energy
@@ -43,6 +45,7 @@ class RegionEnergy:
     hold: str | None = None
     material: Material | None = None
     graded: Graded | None = None
+    friction: Friction | None = None
 
     def __post_init__(self) -> None:
         check_hold(self.hold, self.is_medium)
@@ -109,7 +112,8 @@ def medium_region(
         medium.resolve()[0], damped=medium.beta > 0.0, medium=medium.energy, volumetric=medium.log_j > 0.0
     )
     varying = ByFormulas(OfMedium(medium, mu, h), graded) if graded else None
-    return RegionEnergy(energy, medium.values(mu, h), is_medium=True, graded=varying)
+    values, friction = medium.values(mu, h), medium.coulomb
+    return RegionEnergy(energy, values, is_medium=True, graded=varying, friction=friction)
 
 
 class Problem(Protocol):

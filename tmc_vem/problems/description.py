@@ -65,6 +65,8 @@ class MediumTable:
     )
     energy: str = field(default=Medium.energy, metadata=same_as(Medium, "energy"))
     log_j: float = field(default=Medium.log_j, metadata=same_as(Medium, "log_j"))
+    friction: float = field(default=Medium.friction, metadata=same_as(Medium, "friction"))
+    elastic_slip: float = field(default=Medium.elastic_slip, metadata=same_as(Medium, "elastic_slip"))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "alpha_r", chosen_weight(self.alpha_r, self.alpha))

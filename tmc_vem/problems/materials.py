@@ -14,6 +14,7 @@ from tmc_vem.problems.solids import Material
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.settings import about, described
 from tmc_vem.support.validation import check_fields, require_positive
+from tmc_vem.system.friction import ELASTIC_SLIP, Friction
 
 __all__ = ["Material", "Medium", "chosen_weight"]
 
@@ -65,6 +66,17 @@ class Medium:
         ),
     )
 
+    friction: float = field(
+        default=0.0,
+        metadata=about(
+            "Coefficient of Coulomb friction between the bodies; 0 for none.", detail="It needs gamma <= 1e-5."
+        ),
+    )
+    elastic_slip: float = field(
+        default=ELASTIC_SLIP,
+        metadata=about("Slip, in widths of the squeezed gap, at which the full friction is reached."),
+    )
+
     def __post_init__(self) -> None:
         check_fields(self)
         require_positive("gamma", self.gamma, "the medium's stiffness relative to the solid, try 1e-5")
@@ -75,7 +87,14 @@ class Medium:
             )
         if not (math.isfinite(self.log_j) and self.log_j >= 0.0):
             raise InputError(f"log_j = {self.log_j:g} must not be negative: 0 is the paper's medium, 1 has K = mu")
+        if self.friction != 0.0:
+            Friction(self.friction, self.elastic_slip)
         self.resolve()
+
+    @property
+    def coulomb(self) -> Friction | None:
+        """Its friction, if it has some."""
+        return Friction(self.friction, self.elastic_slip) if self.friction else None
 
     def resolve(self) -> tuple[Regulariser, dict[str, float]]:
         """The regulariser itself and the values of its own parameters.
@@ -137,6 +156,7 @@ class Medium:
             "beta": self.beta,
             **({} if self.energy == PAPER_MEDIUM else {"energy": self.energy}),
             **({} if self.log_j == 0.0 else {"log_j": self.log_j}),
+            **({} if self.friction == 0.0 else {"friction": self.friction, "elastic_slip": self.elastic_slip}),
             "regulariser": self.regulariser if isinstance(self.regulariser, str) else regulariser.name,
             **({"parameters": parameters} if parameters else {}),
         }

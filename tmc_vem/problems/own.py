@@ -163,7 +163,7 @@ class OwnProblem:
             table = self.table.regions[name].medium
             if table is not None and table.alpha is not None:
                 region["medium"] |= {"alpha_r": self._regions[name].values["alpha_r"], "h": self._width(table)}
-            for key in ("energy", "log_j"):  # as before there was a choice
+            for key in ("energy", "log_j", "friction", "elastic_slip"):  # as before there was a choice
                 if table is not None and getattr(table, key) == getattr(MediumTable, key):
                     del region["medium"][key]
         if self.table.mesh.cracks == "join":  # as before there was a choice
@@ -234,7 +234,18 @@ class OwnProblem:
 
     def _medium(self, table: MediumTable, moduli: Sequence[float], graded: Mapping[str, str]) -> RegionEnergy:
         values = {
-            key: getattr(table, key) for key in ("gamma", "alpha_r", "alpha", "beta", "energy", "log_j", "parameters")
+            key: getattr(table, key)
+            for key in (
+                "gamma",
+                "alpha_r",
+                "alpha",
+                "beta",
+                "energy",
+                "log_j",
+                "friction",
+                "elastic_slip",
+                "parameters",
+            )
         }
         mu = table.mu
         if mu is None:

@@ -141,14 +141,17 @@ def fault_at_start(problem: Problem) -> str:
 
 def _kernels(name: str, region: RegionEnergy, element: ElementSettings) -> RegionKernel:
     """Compiled energies of a region's cells and, in media with an interior penalty, of their sides."""
+    from codegen.stress import stress_of
+    from tmc_vem.system.friction import FrictionLaw
     from tmc_vem.vem.blocks import RegionKernel
     from tmc_vem.vem.facets.compiled import compile_sides
 
     kernel, parameters = compile_region(region)
+    friction = None if region.friction is None else FrictionLaw(region.friction, stress_of(region.integrand))
     if not region.is_medium or element.interior_penalty == "none":
-        return RegionKernel(kernel, parameters, graded=region.graded)
+        return RegionKernel(kernel, parameters, graded=region.graded, friction=friction)
     sides = compile_sides(name, region.integrand, region.values, element.interior_penalty, element.penalty_factor)
-    return RegionKernel(kernel, parameters, sides, region.graded)
+    return RegionKernel(kernel, parameters, sides, region.graded, friction)
 
 
 def compile_region(region: RegionEnergy) -> tuple[Any, Any]:

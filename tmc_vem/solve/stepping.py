@@ -259,6 +259,7 @@ class LoadStepper:
                 if self.on_step:  # it may solve beside the path
                     self.on_step(last, states, position)
                     done = self.solver.iterations_done
+                self.solver.system.advance(u)
         except OutOfBudget as limit:
             self._control(position.time)
             wasted = self.solver.iterations_done - done

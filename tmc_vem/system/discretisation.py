@@ -5,7 +5,7 @@ A check by mypy and ``tests/unit/test_discretisation.py`` hold both to it, and w
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -16,6 +16,7 @@ from tmc_vem.support.distributed import Comm, Mat, Vec
 from tmc_vem.system.constraints import Condition, Pair
 from tmc_vem.system.control import Control
 from tmc_vem.system.fields import Polygons
+from tmc_vem.system.friction import FrictionStates
 from tmc_vem.system.places import PointSource
 from tmc_vem.system.point_states import PointStates
 from tmc_vem.system.sides import Sides
@@ -142,6 +143,10 @@ class NonlinearSystem(Protocol):
         """A step has converged to ``u``, at a position on the path: a stage may begin, in which other supports hold,
         and the residual becomes that of it."""
 
+    def advance(self, u: Vec) -> None:
+        """The step that has converged to ``u`` is recorded, and another begins: friction depends on where it begins.
+        Until then all is still that of the step, so that forces are in equilibrium; a failed step leaves nothing."""
+
     def energy(self, u: Vec) -> Evaluation:
         """Potential at ``u`` alone."""
 
@@ -256,6 +261,17 @@ class Discretisation(NonlinearSystem, PointSource, Protocol):
 
     def point_states(self, u: Vec) -> Iterator[PointStates]:
         """This rank's cells at their quadrature points, some at a time, always in the same order."""
+
+    def friction_states(self, u: Vec) -> Iterator[FrictionStates]:
+        """This rank's cells with friction at their quadrature points, some at a time, always in the same order, at a
+        state on the way from the beginning of the step."""
+
+    def shear(self, u: Vec) -> tuple[Float, Float]:
+        """Points (n, 2) of the reference configuration of this rank's cells with friction, and the Kirchhoff shear (n,)
+        there: what a run needs of friction, besides the displacements, to go on."""
+
+    def remember_shear(self, u: Vec, shear_at: Callable[[Float], Float]) -> None:
+        """Begin a step at ``u`` with a shear: a function gives it (n,) at points (n, 2)."""
 
     def cell_numbers(self) -> Int:
         """(n_cells,) numbers of the cells in the whole mesh."""

@@ -7,7 +7,7 @@ tangent R^T K R: exact, symmetric and without a penalty. What is not a vector of
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
@@ -20,6 +20,7 @@ from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constrained import Constrained
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation, Evaluation
+from tmc_vem.system.friction import FrictionStates
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.point_states import PointStates
 from tmc_vem.system.turned import Turned
@@ -130,6 +131,22 @@ class TurnedSystem:
     def point_states(self, u: Vec) -> Iterator[PointStates]:
         """This rank's cells at their quadrature points."""
         return self._system.point_states(self._plain(u))
+
+    def friction_states(self, u: Vec) -> Iterator[FrictionStates]:
+        """This rank's cells with friction at their quadrature points."""
+        return self._system.friction_states(self._plain(u))
+
+    def advance(self, u: Vec) -> None:
+        """Friction of the step that begins at ``u``."""
+        self._system.advance(self._plain(u))
+
+    def shear(self, u: Vec) -> tuple[Float, Float]:
+        """Points (n, 2) with friction of this rank, and the shear (n,) there."""
+        return self._system.shear(self._plain(u))
+
+    def remember_shear(self, u: Vec, shear_at: Callable[[Float], Float]) -> None:
+        """Begin a step at ``u`` with the shear that a function gives at points."""
+        self._system.remember_shear(self._plain(u), shear_at)
 
     def nodal_values(self, u: Vec) -> Float:
         """Values (n_nodes, 2) of this rank's nodes, ghosts included."""

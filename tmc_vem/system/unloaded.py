@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.control import Control
+from tmc_vem.system.friction import FrictionStates
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.turned import Turned
 
@@ -46,6 +47,20 @@ class Unloaded:
 
     def remember(self, stage: int, kept: Sequence[Float]) -> None:
         """Nothing is kept of them."""
+
+    def friction_states(self, u: Vec) -> Iterator[FrictionStates]:
+        """Nothing: there is no friction."""
+        return iter(())
+
+    def advance(self, u: Vec) -> None:
+        """Nothing here depends on the states that were reached."""
+
+    def shear(self, u: Vec) -> tuple[Float, Float]:
+        """Nothing: there is no friction."""
+        return np.empty((0, 2)), np.empty(0)
+
+    def remember_shear(self, u: Vec, shear_at: Callable[[Float], Float]) -> None:
+        """Nothing: there is no friction."""
 
     def turned(self) -> Turned:
         """None: the degrees of freedom of all nodes are displacements along x and y."""

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from tmc_vem.mesh.geometry import centroids
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.spread.distribute import DistributedMesh
+from tmc_vem.system.friction import FrictionLaw
 from tmc_vem.system.graded import Graded
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.facets.compiled import SideEnergy
 from tmc_vem.vem.kernel.batch import CellBatch
 from tmc_vem.vem.kernel.cells import CellKernel
+from tmc_vem.vem.kernel.friction_packs import FrictionPacks
 from tmc_vem.vem.kernel.packs import Packs
 from tmc_vem.vem.spaces import monomials
 from tmc_vem.vem.spaces.element import ElementGroup
@@ -37,12 +39,14 @@ class RegionKernel:
         kernel, parameters: of its cells.
         sides: of the sides of its cells, if they have an interior penalty.
         graded: what multiplies the parameters that vary from cell to cell, if there are some.
+        friction: of a medium with some.
     """
 
     kernel: CellKernel
     parameters: Float
     sides: SideEnergy | None = None
     graded: Graded | None = None
+    friction: FrictionLaw | None = None
 
 
 @dataclass(frozen=True)
@@ -225,6 +229,7 @@ class _Gatherer:
             n_translated=n_translated_dofs(group.n_sides, dofmap.order),
             has_potential=gradients.has_potential,
             factor_ck=self._factors(distributed, cells),
+            friction=None if self._energy.friction is None else FrictionPacks(len(cells), len(group.tables.piece_q)),
         )
         return Block(
             region=self._region,

@@ -22,17 +22,19 @@ from tmc_vem.system.constraints import Condition, Pair
 from tmc_vem.system.control import Control, parameter_of
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Polygons
+from tmc_vem.system.friction import FrictionStates
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
 from tmc_vem.system.point_states import PointStates
 from tmc_vem.system.reduction import Shares, at_named_points, extent, reaction, resultant, step_limit
 from tmc_vem.system.sides import Sides
 from tmc_vem.system.unloaded import Unloaded, require_regions
+from tmc_vem.vem import cell_values
 from tmc_vem.vem.blocks import CHUNK, Block, RegionKernel, make_blocks, resisting_forces
-from tmc_vem.vem.dense import smallest_jacobians
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.facets.exchange import Halo
 from tmc_vem.vem.facets.penalty import InteriorPenalty, SideTerms
+from tmc_vem.vem.friction import friction_of, shear
 from tmc_vem.vem.insertion import CellTerms, MatrixInsertion, Terms
 from tmc_vem.vem.kernel.cells import CellValues
 from tmc_vem.vem.loads import body_load, sides_along
@@ -88,6 +90,7 @@ class VemSystem(Unloaded):
         self._constrained = self._constrained_local.renumbered(self.dofmap.owned_node_n)
         groups = element_groups(distributed.mesh, self.settings, distributed.cell_ids)
         self.blocks = on_every_rank(self.comm, lambda: make_blocks(distributed, self.dofmap, groups, kernels))
+        self._friction = friction_of(self.blocks, kernels, distributed.mesh)
         self.size = extent(self.comm, distributed.mesh.points_vx)
         self.penalty: InteriorPenalty | None = None
         if any(kernels[region].sides is not None for region in self.regions):
@@ -251,6 +254,27 @@ class VemSystem(Unloaded):
         """This rank's cells at their quadrature points, some at a time."""
         return point_states(self.blocks, self.distributed.mesh, self._local_values(u).copy())
 
+    def friction_states(self, u: Vec) -> Iterator[FrictionStates]:
+        """This rank's cells with friction at their quadrature points, some at a time."""
+        u_nodes = self._local_values(u).copy()
+        return (states for friction in self._friction for states in friction.states(u_nodes))
+
+    def advance(self, u: Vec) -> None:
+        """Friction of the step that begins at ``u``."""
+        u_nodes = self._local_values(u)
+        for friction in self._friction:
+            friction.begin_step(u_nodes)
+
+    def shear(self, u: Vec) -> tuple[Float, Float]:
+        """Points (n, 2) with friction of this rank, and the shear (n,) there."""
+        return shear(self._friction, self._local_values(u))
+
+    def remember_shear(self, u: Vec, shear_at: Callable[[Float], Float]) -> None:
+        """Begin a step at ``u`` with the shear that a function gives at points."""
+        u_nodes = self._local_values(u)
+        for friction in self._friction:
+            friction.begin_step(u_nodes, shear_at)
+
     def owned_nodes(self, where: str) -> Int:
         """Nodes at a named point or edge set that this rank owns, as positions in its part of a vector."""
         nodes = self.dofmap.owned_node_n[self._named_nodes(where)]
@@ -319,42 +343,19 @@ class VemSystem(Unloaded):
 
     def cell_areas(self) -> Float:
         """Reference area (n_cells,) of each local cell."""
-        area_c = np.empty(self.distributed.mesh.n_cells)
-        for block in self.blocks:
-            area_c[block.cells] = block.weights().sum(axis=1)
-        return area_c
+        return cell_values.areas(self.blocks, self.distributed.mesh.n_cells)
 
     def cell_energies(self, u: Vec, without: str = "") -> Float:
         """Energy (n_cells,) of each local cell; the parameter ``without``, where an energy has it, is set to 0."""
-        u_nodes = self._local_values(u)
-        energies = np.empty(self.distributed.mesh.n_cells)
-        for block in self.blocks:
-            parameters = block.parameters.copy()
-            parameters[[name == without for name in block.kernel.parameters]] = 0.0
-            energies[block.cells] = block.kernel.cells(block.batch, u_nodes, parameters).energy_c
-        return energies
+        return cell_values.energies(self.blocks, self.distributed.mesh.n_cells, self._local_values(u), without)
 
     def cell_jacobians(self, u: Vec) -> tuple[Float, Float]:
         """Mean and smallest J (n_cells,) of each local cell."""
-        u_nodes = self._local_values(u)
-        mean, smallest = np.empty((2, self.distributed.mesh.n_cells))
-        for block in self.blocks:
-            for chosen in block.chunks():
-                H = block.displacement_gradients(u_nodes, chosen)
-                J = (1.0 + H[..., 0, 0]) * (1.0 + H[..., 1, 1]) - H[..., 0, 1] * H[..., 1, 0]
-                w = block.weights(chosen)
-                mean[block.cells[chosen]] = (w * J).sum(axis=1) / w.sum(axis=1)
-                smallest[block.cells[chosen]] = J.min(axis=1)
-        return mean, smallest
+        return cell_values.jacobians(self.blocks, self.distributed.mesh.n_cells, self._local_values(u))
 
     def dense_jacobians(self, u: Vec) -> Float:
         """Smallest J (n_cells,) of each local cell on a grid much finer than the quadrature's."""
-        u_nodes, mesh = self._local_values(u), self.distributed.mesh
-        smallest = np.empty(mesh.n_cells)
-        for block in self.blocks:
-            for chosen in block.chunks():
-                smallest[block.cells[chosen]] = smallest_jacobians(block, mesh, u_nodes, chosen)
-        return smallest
+        return cell_values.dense_jacobians(self.blocks, self.distributed.mesh, self._local_values(u))
 
     def work(self) -> dict[str, float]:
         """This rank's share of the work: cells, the cost that the partitioner balanced, seconds spent in kernels."""
@@ -467,8 +468,7 @@ class VemSystem(Unloaded):
         """
 
         def timed() -> T:
-            started = time.perf_counter()
-            result = compute()
+            started, result = time.perf_counter(), compute()
             self._kernel_seconds += time.perf_counter() - started
             return result
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.library import address
+from tmc_vem.vem.kernel.friction_packs import FrictionPacks
 from tmc_vem.vem.kernel.packs import LANES, packed
 from tmc_vem.vem.spaces import monomials
 from tmc_vem.vem.spaces.potential import gradient_of_potential
@@ -31,6 +32,7 @@ class BatchStruct(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("shape_c", "nodes_ca", "piece_q", "w_spq", "xi_spqx")),
         *((name, ctypes.c_void_p) for name in ("inverse_h_sp", "gradient_sptxma", "second_spxma")),
         ("factor_ck", ctypes.c_void_p),
+        ("friction_cpqk", ctypes.c_void_p),
     )
 
 
@@ -60,6 +62,7 @@ class CellBatch:
         has_potential: ``gradient_sp`` holds the coefficients (n_packs, n_pieces, dim P - 1, n_basis, 8) of a potential,
             one degree higher and without the constant, see :mod:`tmc_vem.vem.spaces.potential`.
         factor_ck: (n_cells, n_varying) what multiplies the parameters that vary from cell to cell.
+        friction: of the cells, which changes between load steps; None for none.
     """
 
     shape_c: Int32
@@ -76,6 +79,7 @@ class CellBatch:
     n_translated: int = 0
     has_potential: bool = False
     factor_ck: Array | None = None
+    friction: FrictionPacks | None = None
 
     @staticmethod
     def pack(
@@ -125,6 +129,7 @@ class CellBatch:
             self.w_sp, self.xi_sp, self.inverse_h_sp, self.gradient_sp, self.second_sp, self.gradient_degree,
             self.second_degree, self.n_pieces, self.n_translated, self.has_potential,
             None if self.factor_ck is None else np.ascontiguousarray(self.factor_ck[cells]),
+            None if self.friction is None else self.friction.take(cells),
         )  # fmt: skip
 
     @property
@@ -196,6 +201,7 @@ class CellBatch:
             address(table.position_mx), address(table.power_mx), address(self.shape_c), address(self.nodes_ca),
             address(self.piece_q), address(self.w_sp), address(self.xi_sp), address(self.inverse_h_sp),
             address(self.gradient_sp), address(self.second_sp), address(self.factor_ck),
+            address(None if self.friction is None else self.friction.values_cpqk),
         )  # fmt: skip
 
 

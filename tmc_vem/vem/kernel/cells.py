@@ -72,6 +72,8 @@ class CellKernel(Kernel):
         level = TANGENT if tangents is not None else ENERGY if residual_ni is None else GRADIENT
         energy_c, min_j_c = np.empty(batch.n_cells), np.empty(batch.n_cells)
         struct = None if tangents is None else _checked_tangents(tangents, batch)
+        if batch.friction is not None:
+            batch.friction.refresh()
         status = self._lib.tmc_cells(
             level, ctypes.byref(batch.struct), address(u_ni), address(parameters), address(energy_c),
             address(min_j_c), address(residual_ni), None if struct is None else ctypes.byref(struct),

@@ -13,5 +13,9 @@ LANE_PRODUCTS, STEP_LIMIT = HERE / "lanes.c", HERE / "limit.c"
 
 CELL_DRIVER = Driver(
     header=HERE / "kernel_abi.h",
-    files=(LANE_PRODUCTS, STEP_LIMIT, *(HERE / name for name in ("shapes.c", "residual.c", "tangent.c", "entries.c"))),
+    files=(
+        LANE_PRODUCTS,
+        STEP_LIMIT,
+        *(HERE / name for name in ("shapes.c", "friction.c", "residual.c", "tangent.c", "entries.c")),
+    ),
 )

@@ -155,6 +155,7 @@ static int64_t cells_below_tangent(const tmc_batch *batch, const double *u_ni, c
     if (take_shapes(&work, batch, c0) && residual_ni) weight_monomials(&work, n_m, n_q);
     gather_nodes(batch, c0, u_ni, 2, work.u_ai);
     vec energy = {0.0}, min_j = (vec){0.0} + INFINITY;
+    const const_lanes friction = friction_of(batch, c0);
     if (residual_ni) {
       memset(work.R_ai, 0, 2 * (size_t)n * sizeof(vec));
       memset(W_mri, 0, N_G * (size_t)n_lower * sizeof(vec));
@@ -175,10 +176,14 @@ static int64_t cells_below_tangent(const tmc_batch *batch, const double *u_ni, c
           state *at = states + p;
           const vec w = work.weights[q0 + p];
           lower(&min_j, at->x);
+          if (friction) clear_first((lanes)at->g, NULL);
           if (residual_ni)
             point_gradient((const_lanes)at->x, values, (double *)&at->psi, (lanes)at->g);
           else
             point_energy((const_lanes)at->x, values, (double *)&at->psi);
+          if (friction && has_friction(friction + (q0 + p) * TMC_N_FRICTION))
+            add_friction(friction + (q0 + p) * TMC_N_FRICTION, (const_lanes)at->x, (double *)&at->psi,
+                         residual_ni ? (lanes)at->g : NULL, NULL);
           energy += w * at->psi;
         }
         if (residual_ni) {

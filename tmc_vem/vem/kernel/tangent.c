@@ -134,6 +134,7 @@ static int64_t cells_with_tangent(const tmc_batch *batch, const double *u_ni, co
     tabulate(&work, batch, c0);
     gather_nodes(batch, c0, u_ni, 2, work.u_ai);
     vec energy = {0.0}, min_j = (vec){0.0} + INFINITY;
+    const const_lanes friction = friction_of(batch, c0);
     if (residual_ni) memset(work.R_ai, 0, 2 * (size_t)n * sizeof(vec));
     memset(work.K_kab, 0, 3 * (size_t)n * n * sizeof(vec));
 
@@ -143,7 +144,10 @@ static int64_t cells_with_tangent(const tmc_batch *batch, const double *u_ni, co
         const vec *B_ra = work.B_qra + (size_t)q * N_ROWS * n, *w = work.weights + q;
         displacement_gradient(n, B_ra, work.u_ai, at.x);
         lower(&min_j, at.x);
+        if (friction) clear_first((lanes)at.g, (lanes)h);
         point_tangent((const_lanes)at.x, values, (double *)&at.psi, (lanes)at.g, (lanes)h);
+        if (friction && has_friction(friction + q * TMC_N_FRICTION))
+          add_friction(friction + q * TMC_N_FRICTION, (const_lanes)at.x, (double *)&at.psi, (lanes)at.g, (lanes)h);
         energy += *w * at.psi;
         if (residual_ni) add_forces(n, w, at.g, B_ra, work.R_ai);
         material_rows(n, w, h, B_ra, work.D_kqra + (size_t)(q - q0) * N_ROWS * n, block);
