@@ -357,7 +357,8 @@ def test_every_run_option_counts_for_a_file(
 
 def test_files_have_the_options_of_benchmarks() -> None:
     """But for those of problem and medium, which are entries of the file."""
-    of_medium = {"gamma", "alpha", "alpha_r", "medium_energy", "log_j", "regulariser", "parameters", "beta"}
+    of_medium = {"gamma", "alpha", "alpha_r", "medium_energy", "log_j", "regulariser", "parameters", "beta",
+                 "friction", "elastic_slip"}  # fmt: skip
     of_box = {"cells", "cell_kind", "refine_medium", "uy"}
     box = {param.name for param in run_group.commands["box"].params} - of_medium - of_box
     assert box <= {param.name for param in run_file.problem_command("a.toml").params}

@@ -32,6 +32,8 @@ MEDIUM = [
     (("--gamma", "3e-4"), "problem.medium.gamma", 3e-4),
     (("--medium-energy", "balanced"), "problem.medium.energy", "balanced"),
     (("--log-j", "0.1"), "problem.medium.log_j", 0.1),
+    (("--friction", "0.3"), "problem.medium.friction", 0.3),
+    (("--elastic-slip", "0.1"), "problem.medium.elastic_slip", 0.1),
     (("--alpha-r", "0.3"), "problem.medium.alpha_r", 0.3),
     (("--alpha", "2.5"), "problem.medium.alpha", 2.5),
     (("--beta", "1.5"), "problem.medium.beta", 1.5),
@@ -47,6 +49,7 @@ METHOD = [
     (("--extrapolate-gamma",), "settings.extrapolate_gamma", True),
     (("--extrapolate-gamma", "path"), "settings.extrapolate_gamma", "path"),
     (("--gamma-decades", "3"), "settings.gamma_decades", 3),
+    (("--friction-error", "0.02"), "settings.friction_error", 0.02),
     (("--allow-overlap",), "settings.allow_overlap", True),
     (("--max-iterations", "9"), "settings.max_iterations", 9),
     (("--max-seconds", "2.5"), "settings.max_seconds", 2.5),
@@ -201,7 +204,7 @@ def mesh_of(problem: Problem) -> tuple[Any, ...]:
 
 
 def energies_of(problem: Problem) -> tuple[Any, ...]:
-    regions = {n: (r.energy.name, sorted(r.values.items()), r.hold) for n, r in problem.regions().items()}
+    regions = {n: (*made_of(r), r.hold) for n, r in problem.regions().items()}
     return regions, list(problem.prescribed())
 
 
@@ -219,21 +222,26 @@ def test_every_parameter_of_a_problem_changes_mesh_or_energies_and_is_recorded(n
             assert mesh_of(other) != mesh, key
 
 
+def made_of(region: Any) -> tuple[Any, ...]:
+    return region.energy.name, dict(region.values), region.friction
+
+
 def test_every_parameter_of_a_medium_changes_its_energy(tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(BENDING)
     own = f"{tmp_path}/own.py:bending"
-    usual: dict[str, Any] = {"gamma": 1e-5, "alpha_r": 1.0, "beta": 5.0, "regulariser": own, "parameters": {"kappa": 1}}
+    usual: dict[str, Any] = {"gamma": 1e-5, "alpha_r": 1.0, "beta": 5.0, "regulariser": own, "parameters": {"kappa": 1},
+                             "friction": 0.2}  # fmt: skip
     changes: dict[str, dict[str, Any]] = {
         "gamma": {"gamma": 1e-4}, "alpha_r": {"alpha_r": 2.0}, "beta": {"beta": 0.0},
         "regulariser": {"regulariser": "angle", "parameters": {}}, "parameters": {"parameters": {"kappa": 2.0}},
         "alpha": {"alpha_r": None, "alpha": 2.5}, "energy": {"energy": "balanced"},
-        "log_j": {"log_j": 0.1},
+        "log_j": {"log_j": 0.1}, "friction": {"friction": 0.1}, "elastic_slip": {"elastic_slip": 0.1},
     }  # fmt: skip
     assert set(changes) == {entry.name for entry in dataclasses.fields(Medium)}
     before = medium_region(Medium(**usual), 3.0, 0.5)
     for key, change in changes.items():
         after = medium_region(Medium(**{**usual, **change}), 3.0, 0.5)
-        assert (after.energy.name, dict(after.values)) != (before.energy.name, dict(before.values)), key
+        assert made_of(after) != made_of(before), key
     with_alpha = medium_region(Medium(**{**usual, "alpha_r": None, "alpha": 2.5}), 3.0, 0.5)
     assert with_alpha.values["alpha_r"] == pytest.approx(2.5 * 3.0 * 0.25)
 
@@ -296,6 +304,8 @@ IN_FILES = {
     "regulariser": ("gamma = 1e-4", 'gamma = 1e-4, regulariser = "huhu"'),
     "energy": ("gamma = 1e-4", 'gamma = 1e-4, energy = "balanced"'),
     "log_j": ("gamma = 1e-4", "gamma = 1e-4, log_j = 0.1"),
+    "friction": ("gamma = 1e-4", "gamma = 1e-4, friction = 0.3"),
+    "elastic_slip": ("gamma = 1e-4", "gamma = 1e-4, friction = 0.3, elastic_slip = 0.1"),
     "parameters": ("gamma = 1e-4", 'gamma = 1e-4, regulariser = "own.py:bending", parameters = { kappa = 2 }'),
     "mu of the medium": ("1e-4, mu = 10", "1e-4, mu = 3"),
     "line": ("{ line = [[0, 0], [2, 0]] }", "{ line = [[0, 0], [0, 1]] }"),

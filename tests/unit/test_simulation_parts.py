@@ -141,7 +141,7 @@ def test_inputs_that_a_run_records() -> None:
         "triangles": True, "load_steps": "automatic", "largest_step": 0.1, "follow": True,
     }  # fmt: skip
     assert (order_of(fem), order_of(options), order_of(RunOptions())) == (3, 3, 2)
-    units: Any = SimpleNamespace(inputs=BOX.inputs, units=lambda: Units("mm", "N"))
+    units: Any = SimpleNamespace(inputs=BOX.inputs, units=lambda: Units("mm", "N"), regions=dict)
     assert run_inputs(units, RunOptions())["units"] == {"length": "mm", "force": "N"}
     assert Triangulated(Bodies(), 0.3).inputs() == {**Bodies().inputs(), "triangle_size": 0.3}
 

@@ -101,6 +101,7 @@ def _regions(found: Checkup, length: str) -> list[str]:
         of = found.materials[region.name]
         moduli = {name: of[name] for name in ("E", "nu", "K", "mu") if name in of}
         more = {name: value for name, value in of["parameters"].items() if name not in moduli}
+        more |= of.get("friction", {})
         values = ", ".join(f"{name} = {value:.5g}" for name, value in {**moduli, **more}.items())
         lines += [
             f"  {region.name}: {region.n_cells} cells of size {region.smallest:.3g} to {region.largest:.3g}{length}, "

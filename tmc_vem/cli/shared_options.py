@@ -32,6 +32,8 @@ def medium_options(
             setting(Medium, "alpha_r", callback=weight, optional=True, after=f" [default: {alpha_r:g}]"),
             setting(Medium, "energy", "--medium-energy", "medium_energy"),
             setting(Medium, "log_j"),
+            setting(Medium, "friction"),
+            setting(Medium, "elastic_slip"),
             setting(Medium, "regulariser", default=regulariser, metavar="NAME"),
             setting(Medium, "parameters", "--param", "parameters", multiple=True, metavar="NAME=VALUE"),
             setting(Medium, "beta", default=beta),
@@ -134,6 +136,7 @@ def load_options(path: str | None, *, optional: bool = False) -> list[click.Opti
         setting(RunOptions, "continuation", multiple=True, metavar="NAME=VALUE", after=start),
         setting(RunOptions, "follow", optional=optional),
         *limit_options(),
+        setting(RunOptions, "friction_error", optional=optional),
         setting(RunOptions, "allow_overlap", optional=optional),
     ]  # fmt: skip
 
@@ -179,8 +182,8 @@ def file_options() -> list[click.Parameter]:
 LIMIT = ("extrapolate_gamma", "gamma_decades")
 # Options that a problem file decides unless they are given.
 DECIDED = (
-    "method", "steps", "output_loads", "follow", "allow_overlap", "max_iterations", "max_seconds", "solver",
-    *LIMIT, "checkpoint_every", "snapshots", "triangulated", "fields",
+    "method", "steps", "output_loads", "follow", "friction_error", "allow_overlap", "max_iterations", "max_seconds",
+    "solver", *LIMIT, "checkpoint_every", "snapshots", "triangulated", "fields",
 )  # fmt: skip
 # Of the element of either method; what the other one has is refused.
 OF_VEM = ("order", "degree", "quadrature", "projection", "rule", "interior_penalty", "eta")
@@ -216,7 +219,8 @@ def chosen_options(options: dict[str, Any]) -> RunOptions:
         InputError: a value is out of range, or an option belongs to the other method.
     """
     same = (
-        "method", "steps", "solver", "output_loads", "follow", "allow_overlap", "max_iterations", "max_seconds",
+        "method", "steps", "solver", "output_loads", "follow", "friction_error", "allow_overlap", "max_iterations",
+        "max_seconds",
         "snapshots", "triangulated", "fields", "checkpoint_every", "overwrite",
     )  # fmt: skip
     return RunOptions(
@@ -241,6 +245,8 @@ def chosen_medium(options: dict[str, Any]) -> Medium:
         beta=options["beta"],
         energy=options["medium_energy"],
         log_j=options["log_j"],
+        friction=options["friction"],
+        elastic_slip=options["elastic_slip"],
         regulariser=options["regulariser"],
         parameters=parse_parameters(options["parameters"]),
     )

@@ -18,7 +18,7 @@ from tmc_vem.support.units import Units
 from tmc_vem.support.validation import require_choice
 from tmc_vem.system.constraints import Condition
 from tmc_vem.system.forces import Force
-from tmc_vem.system.friction import Friction
+from tmc_vem.system.friction_settings import Friction
 from tmc_vem.system.graded import Graded
 from tmc_vem.system.stage import Stage
 
@@ -36,7 +36,7 @@ class RegionEnergy:
         hold: ``"medium"`` for a solid that may have no supports of its own, as the medium is meant to hold it.
         material: of a solid that has one by name, which knows its moduli at small strains.
         graded: parameters that vary from cell to cell; ``values`` has the number that their factors multiply.
-        friction: of a medium, between the bodies that squeeze it.
+        friction: of a medium with some.
     """
 
     energy: Energy
@@ -112,8 +112,7 @@ def medium_region(
         medium.resolve()[0], damped=medium.beta > 0.0, medium=medium.energy, volumetric=medium.log_j > 0.0
     )
     varying = ByFormulas(OfMedium(medium, mu, h), graded) if graded else None
-    values, friction = medium.values(mu, h), medium.coulomb
-    return RegionEnergy(energy, values, is_medium=True, graded=varying, friction=friction)
+    return RegionEnergy(energy, medium.values(mu, h), is_medium=True, graded=varying, friction=medium.coulomb)
 
 
 class Problem(Protocol):
@@ -157,6 +156,11 @@ class Problem(Protocol):
 def media_of(problem: Problem) -> list[str]:
     """Names of the regions that are third medium."""
     return [name for name, region in problem.regions().items() if region.is_medium]
+
+
+def with_friction(problem: Problem) -> list[str]:
+    """Names of the regions with friction."""
+    return [name for name, region in problem.regions().items() if region.friction is not None]
 
 
 def stages_of(problem: Problem) -> tuple[Stage, ...]:

@@ -14,7 +14,7 @@ from tmc_vem.problems.solids import Material
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.settings import about, described
 from tmc_vem.support.validation import check_fields, require_positive
-from tmc_vem.system.friction import ELASTIC_SLIP, Friction
+from tmc_vem.system.friction_settings import ELASTIC_SLIP, Friction
 
 __all__ = ["Material", "Medium", "chosen_weight"]
 
@@ -65,16 +65,16 @@ class Medium:
             detail="As in the solid (2), and scaled by gamma like the rest of the medium.",
         ),
     )
-
     friction: float = field(
         default=0.0,
-        metadata=about(
-            "Coefficient of Coulomb friction between the bodies; 0 for none.", detail="It needs gamma <= 1e-5."
-        ),
+        metadata=about("Coefficient of Coulomb's friction between the surfaces that the medium parts, 0 for none."),
     )
     elastic_slip: float = field(
         default=ELASTIC_SLIP,
-        metadata=about("Slip, in widths of the squeezed gap, at which the full friction is reached."),
+        metadata=about(
+            "Slip at which friction is reached in full, in widths of the squeezed gap.",
+            detail="With less, bodies stick better and steps converge worse. Without friction it is not used.",
+        ),
     )
 
     def __post_init__(self) -> None:
@@ -87,14 +87,20 @@ class Medium:
             )
         if not (math.isfinite(self.log_j) and self.log_j >= 0.0):
             raise InputError(f"log_j = {self.log_j:g} must not be negative: 0 is the paper's medium, 1 has K = mu")
-        if self.friction != 0.0:
-            Friction(self.friction, self.elastic_slip)
+        self._check_friction()
         self.resolve()
+
+    def _check_friction(self) -> None:
+        if not (math.isfinite(self.friction) and self.friction >= 0.0):
+            raise InputError(
+                f"friction = {self.friction:g} must be 0 or a positive number: a coefficient such as 0.3, 0 for none"
+            )
+        _ = Friction(self.friction or 1.0, self.elastic_slip)
 
     @property
     def coulomb(self) -> Friction | None:
-        """Its friction, if it has some."""
-        return Friction(self.friction, self.elastic_slip) if self.friction else None
+        """Friction in it, if there is some."""
+        return Friction(self.friction, self.elastic_slip) if self.friction > 0.0 else None
 
     def resolve(self) -> tuple[Regulariser, dict[str, float]]:
         """The regulariser itself and the values of its own parameters.
@@ -156,7 +162,7 @@ class Medium:
             "beta": self.beta,
             **({} if self.energy == PAPER_MEDIUM else {"energy": self.energy}),
             **({} if self.log_j == 0.0 else {"log_j": self.log_j}),
-            **({} if self.friction == 0.0 else {"friction": self.friction, "elastic_slip": self.elastic_slip}),
+            **({} if self.coulomb is None else {"friction": self.friction, "elastic_slip": self.elastic_slip}),
             "regulariser": self.regulariser if isinstance(self.regulariser, str) else regulariser.name,
             **({"parameters": parameters} if parameters else {}),
         }

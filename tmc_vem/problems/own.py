@@ -44,6 +44,10 @@ OUTSIDE = "outside"
 ON = 1e-6
 # Shear moduli are one if they differ by this fraction: E and nu say the same as K and mu up to rounding.
 SAME_MODULUS = 1e-9
+# What a medium's table hands on as it is.
+OF_MEDIUM = ("gamma", "alpha_r", "alpha", "beta", "energy", "log_j", "friction", "elastic_slip", "parameters")
+# What stands in the inputs of a run only where it is not as before there was a choice.
+MEDIUM_UNLESS_USUAL = ("energy", "log_j", "friction", "elastic_slip")
 
 
 @dataclass(frozen=True)
@@ -163,7 +167,7 @@ class OwnProblem:
             table = self.table.regions[name].medium
             if table is not None and table.alpha is not None:
                 region["medium"] |= {"alpha_r": self._regions[name].values["alpha_r"], "h": self._width(table)}
-            for key in ("energy", "log_j", "friction", "elastic_slip"):  # as before there was a choice
+            for key in MEDIUM_UNLESS_USUAL:
                 if table is not None and getattr(table, key) == getattr(MediumTable, key):
                     del region["medium"][key]
         if self.table.mesh.cracks == "join":  # as before there was a choice
@@ -233,20 +237,7 @@ class OwnProblem:
         )
 
     def _medium(self, table: MediumTable, moduli: Sequence[float], graded: Mapping[str, str]) -> RegionEnergy:
-        values = {
-            key: getattr(table, key)
-            for key in (
-                "gamma",
-                "alpha_r",
-                "alpha",
-                "beta",
-                "energy",
-                "log_j",
-                "friction",
-                "elastic_slip",
-                "parameters",
-            )
-        }
+        values = {key: getattr(table, key) for key in OF_MEDIUM}
         mu = table.mu
         if mu is None:
             if not moduli or max(moduli) - min(moduli) > SAME_MODULUS * max(moduli):

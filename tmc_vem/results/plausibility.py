@@ -134,6 +134,17 @@ def _lost(evidence: Evidence) -> str:
     return f"; {balance.lost:.2g} of energy was lost, where {largest:.2g} is stored at most"
 
 
+def friction_behind(evidence: Evidence) -> Iterable[Finding]:
+    """A step in which friction was farther behind than was asked for."""
+    found, wanted = evidence.checks.get("friction_error"), evidence.inputs.get("friction_error")
+    if found and wanted and found["largest"] > wanted * (1.0 + SAME):
+        yield Finding(
+            WARNING,
+            f"friction was {found['largest']:.2g} of the largest friction behind in the step to load "
+            f"{found['load']:.4g}, not {wanted:g}: take a smaller friction_error, or more equal steps",
+        )
+
+
 def medium_before_contact(evidence: Evidence) -> Iterable[Finding]:
     """The medium's part of the reaction while nothing touches, relative to the reaction that is quoted."""
     before = None
@@ -252,7 +263,7 @@ def limit_findings(limit: GammaLimit) -> list[Finding]:
 # the order is that of their weight
 RULES: tuple[Rule, ...] = (
     overlap, other_parameters, instability, jumps, medium_before_contact, medium_in_contact, stiffer_medium, inverted,
-    jacobians, large_gamma,
+    jacobians, large_gamma, friction_behind,
 )  # fmt: skip
 
 

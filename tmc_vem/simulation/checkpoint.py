@@ -9,7 +9,8 @@ checksums, appears last. (Not HDF5: where dolfinx is loaded too, its parallel HD
 not get on in one process.)
 
 Nodal values are stored with labels that do not depend on the distribution (coordinates, and a number that tells moments
-of a cell apart), so a run may go on with another number of ranks.
+of a cell apart), so a run may go on with another number of ranks. So is the shear of points with friction, with their
+coordinates.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import io
 import json
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,7 @@ PARTS = "checkpoint-part-*.npz"
 SCHEMA = 3
 DURABLE = 10.0  # seconds of a run that a power cut may cost
 _ARRAYS = ("labels_nz", "states_sni")
+_OF_FRICTION = ("points_px", "shear_kp")  # which other checkpoints do not have
 # Labels of the same node may differ by rounding; this fraction of the domain is far below any node spacing.
 TOLERANCE = 1e-9
 
@@ -48,11 +50,15 @@ class Checkpoint:
         facts: inputs of the run, position of the load stepper and records so far, as plain values.
         labels_nz: (n_nodes, 3) labels of the nodes; nodes shared by ranks may stand there more than once.
         states_sni: (n_states, n_nodes, 2) displacements at the last converged steps, the newest at the end.
+        points_px: (n_points, 2) quadrature points with friction.
+        shear_kp: (n_beginnings, n_points) Kirchhoff shear reached there where steps began.
     """
 
     facts: Mapping[str, Any]
     labels_nz: Float
     states_sni: Float
+    points_px: Float = field(default_factory=lambda: np.empty((0, 2)))
+    shear_kp: Float = field(default_factory=lambda: np.empty((0, 0)))
 
     def write(
         self, directory: Path, parts: Mapping[str, str] | None = None, *, durable: bool = True, keep: bool = True
@@ -93,7 +99,7 @@ class Checkpoint:
                 archive = io.BytesIO()
                 np.savez(
                     archive, schema=SCHEMA, facts=facts, sha256=digest,
-                    parts=json.dumps(parts), labels_nz=self.labels_nz, states_sni=self.states_sni,
+                    parts=json.dumps(parts), **{key: getattr(self, key) for key in self._keys},
                 )  # fmt: skip
                 temporary.write_bytes(archive.getbuffer())
         except OSError as error:
@@ -141,9 +147,13 @@ class Checkpoint:
         states: Float = self.states_sni[:, position]
         return states
 
+    @property
+    def _keys(self) -> tuple[str, ...]:
+        return _ARRAYS + _OF_FRICTION if len(self.shear_kp) else _ARRAYS
+
     def _digest(self, facts: str) -> str:
         digest = hashlib.sha256(facts.encode())
-        for key in _ARRAYS:
+        for key in self._keys:
             digest.update(np.ascontiguousarray(getattr(self, key)).data)
         return digest.hexdigest()
 
@@ -178,7 +188,8 @@ def _read(path: Path) -> Checkpoint:
         if int(file["schema"]) != SCHEMA:
             raise ValueError(f"it was written by another version: schema {int(file['schema'])}, here {SCHEMA}")
         facts = str(file["facts"])
-        checkpoint = Checkpoint(json.loads(facts), *(np.array(file[key]) for key in _ARRAYS))
+        keys = [key for key in _ARRAYS + _OF_FRICTION if key in _ARRAYS or key in file]
+        checkpoint = Checkpoint(json.loads(facts), *(np.array(file[key]) for key in keys))
         if checkpoint._digest(facts) != str(file["sha256"]):
             raise ValueError("its checksum is wrong")
         parts: dict[str, str] = json.loads(str(file["parts"]))
@@ -191,4 +202,6 @@ def _read(path: Path) -> Checkpoint:
         checkpoint.facts,
         np.concatenate([piece.labels_nz for piece in pieces]),
         np.concatenate([piece.states_sni for piece in pieces], axis=1),
+        np.concatenate([piece.points_px for piece in pieces]),
+        np.concatenate([piece.shear_kp for piece in pieces], axis=1),
     )

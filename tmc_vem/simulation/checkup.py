@@ -268,6 +268,8 @@ def _materials(problem: Problem) -> dict[str, dict[str, Any]]:
             K, mu, nu = region.moduli.K, region.moduli.mu, region.moduli.nu
             found[name] |= {"K": K, "mu": mu, "E": 2.0 * mu * (1.0 + nu), "nu": nu}
         found[name]["parameters"] = dict(region.values)
+        if (friction := region.friction) is not None:
+            found[name]["friction"] = {"friction": friction.coefficient, "elastic_slip": friction.elastic_slip}
     return found
 
 

@@ -6,12 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-import numpy as np
-
 from tmc_vem.results.records import StepRecord
+from tmc_vem.solve.friction_steps import FrictionRecord
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import StepperState
-from tmc_vem.support.distributed import Vec
 
 
 @dataclass
@@ -22,12 +20,14 @@ class Descending:
         start: number of the load step from which gamma is lowered.
         records: of its states so far.
         states, position: from which its stepping can go on.
+        passed: Newton iterations of states that are not recorded.
     """
 
     start: int
     records: list[StepRecord]
     states: States
     position: StepperState
+    passed: int = 0
 
     def facts(self) -> dict[str, Any]:
         """Plain values for a checkpoint, which has the states themselves elsewhere."""
@@ -36,7 +36,14 @@ class Descending:
             "records": [asdict(record) for record in self.records],
             "controls": [control.tolist() for control in self.states.controls],
             "position": asdict(self.position),
+            "passed": self.passed,
         }
+
+    @staticmethod
+    def from_facts(facts: Mapping[str, Any], states: States) -> Descending:
+        """What a checkpoint has."""
+        records = [StepRecord.from_plain(entry) for entry in facts["records"]]
+        return Descending(facts["start"], records, states, stepper_state(facts["position"]), facts.get("passed", 0))
 
 
 @dataclass
@@ -46,7 +53,7 @@ class Lowered:
     Attributes:
         records: states in the order in which they were found; ``limit_of`` is the load step of each.
         done: for each load step from which gamma was lowered to the end, or as far as possible, why not further.
-        failed_iterations: of Newton's method in steps of descents that have failed for good.
+        failed_iterations: of Newton's method in steps of descents that have failed for good, or are not recorded.
     """
 
     records: list[StepRecord] = field(default_factory=list)
@@ -68,8 +75,9 @@ class Lowered:
 
     def iterations(self, goes_on: Descending | None) -> int:
         """Newton iterations with lower gamma, failed ones included, also of a descent that goes on."""
-        records: list[StepRecord] = self.records + (goes_on.records if goes_on is not None else [])
-        return self.failed_iterations + sum(r.iterations + r.wasted_iterations for r in records)
+        records, passed = (goes_on.records, goes_on.passed) if goes_on is not None else ([], 0)
+        counted = sum(r.iterations + r.wasted_iterations for r in (*self.records, *records))
+        return self.failed_iterations + passed + counted
 
     def of(self, start: int) -> list[StepRecord]:
         """States below one load step."""
@@ -91,13 +99,5 @@ class Lowered:
 def stepper_state(facts: Mapping[str, Any]) -> StepperState:
     """Where the stepping of a checkpoint stands."""
     stiffer = tuple((float(time), float(factor)) for time, factor in facts["stiffer"])
-    return StepperState(**{**facts, "stiffer": stiffer})
-
-
-def states_of(values_sni: Any, controls: Sequence[Sequence[float]], like: Vec) -> States:
-    """States of a checkpoint, with the vector that they are written through; it has the last one afterwards."""
-    states = States(like)
-    for control, state_ni in zip(controls, values_sni, strict=True):
-        like.getArray()[:] = state_ni.ravel()
-        states.append(np.array(control), like)
-    return states
+    friction = FrictionRecord(**facts.get("friction", {}))
+    return StepperState(**{**facts, "stiffer": stiffer, "friction": friction})

@@ -9,6 +9,7 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.support.settings import about, described
 from tmc_vem.support.validation import check_fields, require_finite, require_known, require_positive, shown
 from tmc_vem.system.fem_settings import FemSettings
+from tmc_vem.system.friction_settings import FRICTION_ERROR
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 METHODS = ("vem", "fem")
@@ -82,6 +83,14 @@ class RunOptions:
     gamma_decades: int = field(
         default=2, metadata=about("By how many decades gamma is lowered for its limit, from 2, which is usual, to 6.")
     )
+    friction_error: float = field(
+        default=FRICTION_ERROR,
+        metadata=about(
+            "Friction may be behind by this part of the largest friction in a step: automatic steps are shortened, and "
+            "where it was more the result says so.",
+            detail="Steps are of first order: half of it takes twice as many. Above 0 and up to 1.",
+        ),
+    )
     allow_overlap: bool = field(
         default=False,
         metadata=about("Go on where solids overlap, for those who study it: such states are refused else."),
@@ -133,6 +142,10 @@ class RunOptions:
             raise InputError(f"checkpoint every {self.checkpoint_every} steps: use 1 or more, or 0 for none")
         if not 0.0 < self.largest_step <= 1.0:
             raise InputError(f"largest step = {self.largest_step:g}: use a fraction of the load, above 0 and up to 1")
+        if not 0.0 < self.friction_error <= 1.0:
+            raise InputError(
+                f"friction_error = {self.friction_error:g}: use a part of the largest friction, above 0 and up to 1"
+            )
         if self.path[:1] != (0.0,):
             raise InputError(f"load path {' '.join(f'{load:g}' for load in self.path)} must begin with 0")
         for load in self.output_loads:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from tmc_vem.problems.base import Problem, forces_of, stages_of
-from tmc_vem.simulation.options import RunOptions
+from tmc_vem.problems.base import Problem, forces_of, stages_of, with_friction
+from tmc_vem.simulation.options import PATH, RunOptions
 from tmc_vem.solve.path import ControlPath
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import Amplitude
@@ -28,9 +28,10 @@ def control_path(problem: Problem, options: RunOptions) -> ControlPath:
 
     Raises:
         InputError: a load is repeated or not usable, or the problem has no medium whose parameters could be continued;
-            or the branch is to be followed and the loads have histories.
+            or the branch is to be followed and the loads have histories; or friction would take another path.
     """
     kinks, loads = times_of(problem), loads_of(problem, options)
+    require_own_path(problem, options)
     if options.follow and kinks not in ((), (1.0,)):
         raise InputError("follow does not go with a history or a stage: the load is not prescribed along the branch")
     if not options.continuation or len(loads) < 2:
@@ -46,6 +47,34 @@ def control_path(problem: Problem, options: RunOptions) -> ControlPath:
     begin = {name: options.continuation[name] for name in end}
     corners = [Control(first, begin), Control(second, begin), Control(second, end), *(Control(x, end) for x in rest)]
     return ControlPath(corners, options.output_loads, kinks)
+
+
+def require_own_path(problem: Problem, options: RunOptions) -> None:
+    """Check that a problem with friction is taken along the path of its load, which friction remembers.
+
+    Raises:
+        InputError: it would be taken along another.
+    """
+    region = next(iter(with_friction(problem)), None)
+    if region is None:
+        return
+    where = f"does not go with friction (in region '{region}')"
+    if options.follow:
+        raise InputError(
+            f"follow {where}, which depends on the way of the load, an unknown along a branch: leave out one of them"
+        )
+    for name in options.continuation:
+        raise InputError(
+            f"continuation in {name} {where}: what has slipped at another {name} stays where it is; leave it out, and "
+            "take smaller steps, more alpha_r or rule = 'triangles' if the medium does not follow"
+        )
+    if options.extrapolate_gamma and stages_of(problem):
+        raise InputError(f"extrapolate_gamma {where} and [[stage]] together: leave out one of them")
+    if options.extrapolate_gamma == PATH:
+        raise InputError(
+            f"extrapolate_gamma = '{PATH}' {where}: every gamma goes the whole path by itself, and there is a limit at "
+            "its end; use extrapolate_gamma = true"
+        )
 
 
 def loads_of(problem: Problem, options: RunOptions) -> tuple[float, ...]:
@@ -93,7 +122,13 @@ def snapshot_times(path: ControlPath, options: RunOptions) -> list[float]:
 def run_inputs(problem: Problem, options: RunOptions) -> dict[str, Any]:
     """The inputs as a run directory records them; two runs with equal ones give equal results."""
     units = problem.units()
-    return {**problem.inputs(), **({"units": asdict(units)} if units.declared else {}), **_method_inputs(options)}
+    friction = {"friction_error": options.friction_error} if with_friction(problem) else {}
+    return {
+        **problem.inputs(),
+        **({"units": asdict(units)} if units.declared else {}),
+        **_method_inputs(options),
+        **friction,
+    }
 
 
 def _method_inputs(options: RunOptions) -> Mapping[str, Any]:

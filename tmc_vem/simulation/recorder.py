@@ -28,11 +28,12 @@ from tmc_vem.simulation.balance import balance
 from tmc_vem.simulation.checkpoint import DURABLE, Checkpoint, require_same_inputs
 from tmc_vem.simulation.contact_gauge import ContactGauge
 from tmc_vem.simulation.gauge import Gauge
-from tmc_vem.simulation.lowered import Descending, Lowered, states_of, stepper_state
+from tmc_vem.simulation.lowered import Descending, Lowered, stepper_state
 from tmc_vem.simulation.measured import LoadGauge, Reading
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.overlap import OverlapWatch
 from tmc_vem.simulation.provenance import versions
+from tmc_vem.simulation.saved import Saved
 from tmc_vem.simulation.words import reported, title_of, units_of_columns
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import Step, StepperState, SteppingResult
@@ -42,7 +43,6 @@ from tmc_vem.support.timing import Timer
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Fields
-from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.stress import Stresses
 
 Float = NDArray[np.float64]
@@ -79,7 +79,7 @@ class Recorder:
         media = {name: problem.regions()[name].integrand for name in media_of(problem)}
         self.contact = ContactGauge(system, media, int(inputs["order"]))
         self._read: Reading | None = None
-        self._main: tuple[States, StepperState] | None = None  # from which the load path goes on
+        self.main: tuple[States, StepperState] | None = None  # from which the load path goes on
         self.lowered = Lowered()
         self.descending: Descending | None = None
         self._inverted: dict[str, Any] = {}
@@ -105,7 +105,7 @@ class Recorder:
     def record(self, step: Step, states: States, position: StepperState) -> None:
         """Record a converged step; called on all ranks."""
         u = states.vectors[-1]
-        self._main = states, position
+        self.main = states, position
         with self.timer("tables"):
             record, self._read = self._measure(step, u)
             self._add_to_history(record)
@@ -118,17 +118,26 @@ class Recorder:
             self._write_checkpoint()
         self.monitor.stepped(record)
 
-    def record_lowered(self, step: Step, states: States, position: StepperState) -> None:
-        """Record a state with lower gamma beside the last load step; called on all ranks."""
-        start = self.history[-1]
-        with self.timer("tables"):
-            record, _ = self._measure(step, states.vectors[-1])
-            record = replace(record, time=start.time, limit_of=start.step)
-        before = self.descending.records if self.descending is not None else []
-        self.descending = Descending(start.step, [*before, record], states, position)
+    def record_lowered(self, step: Step, states: States, position: StepperState, *, passed: bool = False) -> None:
+        """Record a state with lower gamma beside the last load step; called on all ranks.
+
+        Args:
+            step, states, position: as of :meth:`record`.
+            passed: it is on the way to one that is recorded.
+        """
+        start, before = self.history[-1], self.descending
+        records, iterations = (before.records, before.passed) if before is not None else ([], 0)
+        if passed:
+            iterations += len(step.newton.iterations) + step.wasted_iterations
+        else:
+            with self.timer("tables"):
+                record, _ = self._measure(step, states.vectors[-1])
+                records = [*records, replace(record, time=start.time, limit_of=start.step)]
+        self.descending = Descending(start.step, records, states, position, iterations)
         if self._every and step.number % self._every == 0:
             self._write_checkpoint()
-        self.monitor.lowered(record)
+        if not passed:
+            self.monitor.lowered(records[-1])
 
     def end_descent(self, why: str, iterations: int = 0) -> None:
         """The descent from the last load step has ended; called on all ranks.
@@ -137,8 +146,8 @@ class Recorder:
             why: it did not go further; empty if it went to its end.
             iterations: of Newton's method in vain since its last state.
         """
-        records = self.descending.records if self.descending is not None else []
-        self.lowered.end(self.history[-1].step, records, why, iterations)
+        records, passed = (self.descending.records, self.descending.passed) if self.descending is not None else ([], 0)
+        self.lowered.end(self.history[-1].step, records, why, iterations + passed)
         self.descending = None
         if self.directory is not None and records:
             self._rewrite_history(self.directory)
@@ -214,19 +223,12 @@ class Recorder:
         checkpoint = Checkpoint.read(self.directory.path)
         facts = checkpoint.facts
         require_same_inputs(facts["inputs"], self.inputs)
-        values = checkpoint.values_at(self._node_labels)
-        n_states = len(facts["controls"])
-        below = facts.get("descending")
-        n_below = len(below["controls"]) if below else 0
-        first = len(values) - n_below
-        self.system.remember(facts.get("stage", 0), [kept_ni.ravel() for kept_ni in values[n_states:first]])
-        if below:
-            found = states_of(values[first:], below["controls"], u)
-            entries = [StepRecord.from_plain(entry) for entry in below["records"]]
-            self.descending = Descending(below["start"], entries, found, stepper_state(below["position"]))
+        saved = Saved.read(checkpoint, self._node_labels, self.system.shear(u)[0], u)
+        saved.give(self.system, facts.get("stage", 0))
+        if saved.below is not None:
+            self.descending = Descending.from_facts(facts["descending"], saved.below)
         if "lowered" in facts:
             self.lowered = Lowered.from_facts(facts["lowered"])
-        states = states_of(values[:n_states], facts["controls"], u)
         self.history = [StepRecord.from_plain(entry) for entry in facts["history"]]
         self._plain_history = [asdict(record) for record in self.history]
         self.watch.go_on(self.history)
@@ -239,8 +241,8 @@ class Recorder:
                 on_root(self.system.comm, lambda: collect(snapshots.directory, snapshots.entries))
         if self.history:
             self._read = self._read_again(u)
-        self._main = states, stepper_state(facts["position"])
-        return self._main
+        self.main = saved.main, stepper_state(facts["position"])
+        return self.main
 
     def _read_again(self, u: Vec) -> Reading:
         """The loads at the last state, from which work is summed on."""
@@ -312,7 +314,7 @@ class Recorder:
             if fields is not None:
                 contact = check_contact(fields, self._order)
                 checks |= {**contact.as_dict(), "summary": contact.summary()}
-            checks = self.system.comm.bcast(checks)
+            checks = self.system.comm.bcast(checks) | outcome.friction.checks()
         if fields is not None and self.directory is not None:
             with self.timer("picture"):
                 self._draw(fields, self.directory.path / PICTURE)
@@ -451,11 +453,12 @@ class Recorder:
 
     def _write_states(self) -> None:
         assert self.directory is not None
-        assert self._main is not None
-        (states, position), below = self._main, self.descending
+        assert self.main is not None
+        (states, position), below = self.main, self.descending
         comm, path = self.system.comm, self.directory.path
         facts: dict[str, Any] = {}
         stage, kept = self.system.memory()
+        saved = Saved(states, kept, below.states if below else None)
         if self._on_root:
             facts = {
                 "stage": stage,
@@ -467,9 +470,7 @@ class Recorder:
             }
             if self.lowered.done or below:
                 facts |= {"lowered": self.lowered.facts(), "descending": below.facts() if below else None}
-        nodal = [_nodal(u) for u in states.vectors] + [DISPLACEMENT.nodal(values) for values in kept]
-        nodal += [_nodal(u) for u in below.states.vectors] if below else []
-        mine = Checkpoint(facts, self._node_labels, np.array(nodal))
+        mine = saved.checkpoint(facts, self._node_labels)
         durable = comm.bcast(time.monotonic() >= self._durable_until)
         label = f"{position.number:06d}" + (f"-{below.position.number:06d}" if below else "")
         part = None if self._on_root else f"checkpoint-part-{label}-{comm.rank}.npz"
@@ -494,7 +495,3 @@ class Recorder:
     def _headings(self, record: StepRecord) -> dict[str, str]:
         """Units that stand in the headings of history.csv: those that the problem declares."""
         return self._units(record) if self.problem.units().declared else {}
-
-
-def _nodal(vector: Vec) -> Float:
-    return DISPLACEMENT.nodal(vector.getArray(readonly=True)).copy()

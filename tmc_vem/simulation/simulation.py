@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tmc_vem.problems.base import Problem, media_of
+from tmc_vem.problems.base import Problem, media_of, with_friction
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.run_result import RunResult
@@ -33,8 +33,10 @@ if TYPE_CHECKING:
     from tmc_vem.simulation.descent import Descents
     from tmc_vem.simulation.interrupt import StopRequest
     from tmc_vem.simulation.recorder import Recorder
+    from tmc_vem.simulation.repeats import Repeats
     from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
     from tmc_vem.solve.budget import Budget
+    from tmc_vem.solve.friction_steps import FrictionSteps
     from tmc_vem.solve.newton import Iteration, NewtonSolver
     from tmc_vem.solve.path import ControlPath
     from tmc_vem.solve.states import States
@@ -254,7 +256,7 @@ class Simulation:
     def _go_along(
         self,
         stepper: LoadStepper | ArcLengthStepper,
-        descents: Descents | None,
+        descents: Descents | Repeats | None,
         u: Vec,
         states: States | None,
         position: StepperState | None,
@@ -290,10 +292,13 @@ class Simulation:
             findings.append(Finding(WARNING, text))
         findings += [Finding(WARNING, text) for text in self.hints]
 
-    def _stepper(self, stop: StopRequest, budget: Budget) -> tuple[LoadStepper | ArcLengthStepper, Descents | None]:
+    def _stepper(
+        self, stop: StopRequest, budget: Budget
+    ) -> tuple[LoadStepper | ArcLengthStepper, Descents | Repeats | None]:
         """What goes along the path, and what lowers gamma beside it: they look for a stop after every iteration, and
         every converged step is recorded."""
         from tmc_vem.simulation.descent import Descents
+        from tmc_vem.simulation.repeats import Repeats
         from tmc_vem.solve.arclength import ArcLengthStepper
         from tmc_vem.solve.stepping import LoadStepper
 
@@ -304,16 +309,23 @@ class Simulation:
             stop.check()
             budget.spend()
 
-        descents = None
-        if self.lowering is not None:
+        friction = friction_steps(self.problem, self.system, self.options)
+        descents: Descents | Repeats | None = None
+        if self.lowering is not None and friction.is_there:
+            descents = Repeats(
+                self.lowering, self.path, self.stepping, self.system, solver, recorder, budget, friction, on_iteration
+            )
+        elif self.lowering is not None:
             along_path, stops = self.options.extrapolate_gamma == PATH, self.path.stops
             descents = Descents(self.lowering, along_path, stops, self.path.end, solver, recorder, budget, on_iteration)
 
         on_step = recorder.record if descents is None else _then(recorder.record, descents)
         if self.options.follow:
             return ArcLengthStepper(solver, arc_of(self.options), on_step, on_iteration), descents
-        gamma = _gamma(self.problem)
-        stepper = LoadStepper(solver, self.stepping, on_step, self.path, gamma, recorder.step_failed, on_iteration)
+        gamma = {} if friction.is_there else _gamma(self.problem)  # a stiffer medium would leave its friction behind
+        stepper = LoadStepper(
+            solver, self.stepping, on_step, self.path, gamma, recorder.step_failed, on_iteration, friction=friction
+        )
         return stepper, descents
 
     def _end_early(self, error: BaseException) -> None:
@@ -322,7 +334,7 @@ class Simulation:
             self.directory.interrupted(str(error) or type(error).__name__)
 
 
-def _then(record: OnStep, descents: Descents) -> OnStep:
+def _then(record: OnStep, descents: Descents | Repeats) -> OnStep:
     """Record a step, and lower gamma beside it where that is due."""
 
     def on_step(step: Step, states: States, position: StepperState) -> None:
@@ -346,6 +358,13 @@ def stepping_of(options: RunOptions) -> SteppingOptions:
         first=min(SteppingOptions.first, options.largest_step),
         smallest=min(SteppingOptions.smallest, options.largest_step),
     )
+
+
+def friction_steps(problem: Problem, system: Discretisation, options: RunOptions) -> FrictionSteps:
+    """What the load stepper asks about friction."""
+    from tmc_vem.solve.friction_steps import FrictionSteps
+
+    return FrictionSteps(system if with_friction(problem) else None, options.friction_error)
 
 
 def arc_of(options: RunOptions) -> ArcOptions:

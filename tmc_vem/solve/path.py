@@ -53,7 +53,7 @@ class ControlPath:
             where = int(lengths.argmin())
             raise InputError(f"the load path stays at load factor {corners[where].load:g}: leave the repetition out")
         self.times = np.concatenate([[0.0], np.cumsum(lengths)])
-        self._loads = tuple(stops)
+        self.loads = tuple(stops)  # that are hit exactly
         self.stops = self._stops(stops)
 
     @property
@@ -102,7 +102,7 @@ class ControlPath:
         before = [Control(corner.load, {**parameters, **corner.parameters}) for corner in (*done, now)]
         stiff = {name: factor * value for name, value in parameters.items()}
         raised = [Control(load, stiff) for load in loads]
-        return ControlPath([*before, *raised, Control(loads[-1], dict(parameters))], self._loads, self.kinks)
+        return ControlPath([*before, *raised, Control(loads[-1], dict(parameters))], self.loads, self.kinks)
 
     def leg(self, time: float) -> int:
         """Number of the leg that starts at or before a time, from 0."""
@@ -116,6 +116,10 @@ class ControlPath:
         """Whether what is prescribed has a kink at a time."""
         load = self.at(time).load
         return any(abs(load - kink) <= CLOSE for kink in self.kinks)
+
+    def is_corner(self, time: float) -> bool:
+        """Whether the path may turn at a time."""
+        return bool(np.abs(self.times - time).min() <= CLOSE)
 
     def start_of_leg(self, time: float) -> float:
         """Time at which the leg began that a time belongs to."""

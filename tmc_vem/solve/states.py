@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.support.distributed import Vec
+from tmc_vem.system.point_values import PointValues
 
 Float = NDArray[np.float64]
 
@@ -16,13 +18,31 @@ ORDER = 3
 ON_LINE = 1e-9
 
 
+@dataclass(frozen=True)
+class Beginning:
+    """Where a step with friction began.
+
+    Attributes:
+        u: the converged state.
+        shear: that this rank's points with friction had reached there.
+    """
+
+    u: Vec
+    shear: PointValues
+
+
 class States:
     """Converged states with the point of the control path that each belongs to, the last one at the end.
 
     Args:
         vector: any vector of the system, to make others like it.
         kept: how many states are remembered.
+
+    Attributes:
+        beginning: of the step that has led to the last state, in problems with friction; None without, and at first.
     """
+
+    beginning: Beginning | None = None
 
     def __init__(self, vector: Vec, kept: int = ORDER + 1) -> None:
         self._like, self._kept = vector, kept

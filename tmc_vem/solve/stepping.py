@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import ParamSpec
 
 from tmc_vem.solve.budget import OutOfBudget
+from tmc_vem.solve.friction_steps import FrictionRecord, FrictionSteps
 from tmc_vem.solve.newton import NewtonResult, NewtonSolver, OnIteration
 from tmc_vem.solve.path import ControlPath, load_path
 from tmc_vem.solve.states import ORDER, States
@@ -104,6 +105,7 @@ class StepperState:
         stiffer: times at which the path was given up for one with a stiffer medium, and by what factor each.
         far_at: the last time at which a state was found far from its prediction, in a step that was halved then.
         rate: the increment that was predicted then, per time.
+        friction: how far friction has been behind so far.
     """
 
     time: float = 0.0
@@ -112,6 +114,7 @@ class StepperState:
     stiffer: tuple[tuple[float, float], ...] = ()
     far_at: float = 0.0
     rate: float = 0.0
+    friction: FrictionRecord = field(default_factory=FrictionRecord)
 
 
 OnStep = Callable[[Step, States, StepperState], None]
@@ -130,6 +133,7 @@ class SteppingResult:
         linear_iterations: of the linear solver since it was made.
         ordering: what its factorisations have ordered the unknowns by, if they are any.
         refusal: of the last state that has converged since the last step and was not admitted, if there was one.
+        friction: how far friction has been behind; nothing without.
     """
 
     load: float
@@ -141,6 +145,7 @@ class SteppingResult:
     linear_iterations: int = 0
     ordering: str = ""
     refusal: Refused | None = None
+    friction: FrictionRecord = field(default_factory=FrictionRecord)
 
 
 @dataclass(frozen=True)
@@ -176,6 +181,7 @@ class LoadStepper:
         on_failure: called when the first attempt at a step fails, with the state that it started from.
         on_iteration: called after every iteration of Newton's method; what it raises ends the work.
         jumps: look for another branch where one ends; else the stepping ends there.
+        friction: of the system, if it has some.
     """
 
     solver: NewtonSolver
@@ -186,6 +192,7 @@ class LoadStepper:
     on_failure: Callable[[Vec], None] | None = None
     on_iteration: OnIteration | None = None
     jumps: bool = True
+    friction: FrictionSteps = field(default_factory=FrictionSteps)
 
     def start(self, u: Vec) -> tuple[States, StepperState]:
         """States and position at the beginning of the path."""
@@ -207,8 +214,10 @@ class LoadStepper:
         self.solver.system.set_position(self.path.at(position.time))
         trial, last, refusal = u.duplicate(), None, None
         cut_backs, done = 0, self.solver.iterations_done
+        failed, begun = False, None
         try:
             while position.time < self.path.end - DONE:
+                begun = begun or self.friction.begin(u)
                 target = self._target(position)
                 attempt = _outcome(self._attempt, u, states, trial, position.time, target)
                 result, jumped = attempt.result, attempt.far
@@ -220,8 +229,9 @@ class LoadStepper:
                 refusal = result.refusal or attempt.refusal or refusal
                 if not result.converged:
                     cut_backs += 1
-                    if self.on_failure and cut_backs == 1:
+                    if self.on_failure and not failed:
                         self.on_failure(u)
+                    failed = True
                     position = replace(position, size=0.5 * (target - position.time))
                     if position.size >= self.options.smallest:
                         continue
@@ -240,8 +250,15 @@ class LoadStepper:
                             continue
                         wasted = self.solver.iterations_done - done
                         why = self._why(result, refusal, u)
+                        self.friction.go_back(begun, states)
                         return replace(self._ended(position, why, last, wasted, cut_backs), refusal=refusal)
                     result = other.result
+                lag = self.friction.lag(begun, trial)
+                error = self.friction.ratio(lag, position.friction)
+                shorter = self.friction.shortened(error, target - position.time)
+                if shorter is not None and not (jumped or self.options.steps):
+                    cut_backs, position = cut_backs + 1, replace(position, size=shorter)
+                    continue
                 trial.copy(u)
                 assert result.residual is not None  # it has converged
                 self.solver.system.accept(u, result.residual, self.path.at(target))
@@ -249,19 +266,23 @@ class LoadStepper:
                 if jumped:  # there is nothing to extrapolate across a jump to another branch, nor to compare with
                     states.forget()
                     position = replace(position, far_at=0.0)
-                elif self.path.is_kink(target):  # nor across a kink of what is prescribed
-                    states.forget()
+                elif self.path.is_kink(target) or (self.friction.is_there and self.path.is_corner(target)):
+                    states.forget()  # nor across a kink of what is prescribed, or back along a way with friction
                 size = self._next_size(position, target, len(result.iterations), cut_backs > 0 and not jumped)
-                position = replace(position, time=target, size=size, number=position.number + 1)
+                if not self.options.steps:
+                    size = min(size, self.friction.largest_next(error, target - position.time))
+                behind = position.friction.with_step(lag, self.path.at(target).load)
+                position = replace(position, time=target, size=size, number=position.number + 1, friction=behind)
+                states.beginning, begun, failed = begun, None, False
                 wasted = self.solver.iterations_done - done - len(result.iterations)
                 last = Step(position.number, target, self.path.at(target), result, cut_backs, wasted, jumped)
                 cut_backs, done, refusal = 0, self.solver.iterations_done, None
                 if self.on_step:  # it may solve beside the path
                     self.on_step(last, states, position)
                     done = self.solver.iterations_done
-                self.solver.system.advance(u)
         except OutOfBudget as limit:
             self._control(position.time)
+            self.friction.go_back(begun, states)
             wasted = self.solver.iterations_done - done
             return self._ended(position, str(limit), last, wasted, cut_backs)
         finally:
@@ -274,7 +295,7 @@ class LoadStepper:
     ) -> SteppingResult:  # fmt: skip
         load = self.path.at(position.time).load
         linear = (self.solver.linear_iterations, self.solver.ordering)
-        return SteppingResult(load, complete, reason, wasted, cut_backs, last, *linear)
+        return SteppingResult(load, complete, reason, wasted, cut_backs, last, *linear, friction=position.friction)
 
     def _attempt(self, u: Vec, states: States, trial: Vec, now: float, target: float) -> Attempt:
         """Try to find equilibrium at ``target`` in ``trial``, starting from an extrapolation or the tangent."""
@@ -397,6 +418,8 @@ class LoadStepper:
         softened = ""
         if self.soften:
             softened = f", {', '.join(self.soften)} raised up to {STIFFER[-1]:g} times to get past this load"
+        elif self.friction.is_there:
+            softened = "; not a stiffer medium, as its friction would remain"
         reason, remedy = (refusal.sentence(), refusal.advice()) if refusal else (result.reason, REMEDY)
         if not self.jumps:
             return reason

@@ -14,7 +14,6 @@ friction.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -22,39 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.stress import Stress
-from tmc_vem.support.errors import InputError
+from tmc_vem.system.friction_settings import Friction
 from tmc_vem.system.point_states import PointStates
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
 SQUEEZED = 0.5  # smallest stretch below which the medium carries friction
-ELASTIC_SLIP = 0.2
-
-
-@dataclass(frozen=True)
-class Friction:
-    """What is said of a region's friction.
-
-    Attributes:
-        coefficient: of Coulomb's law.
-        elastic_slip: slip per present width of the gap at which the full shear is reached.
-
-    Raises:
-        InputError: one is not positive and finite.
-    """
-
-    coefficient: float
-    elastic_slip: float = ELASTIC_SLIP
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.coefficient) and self.coefficient > 0.0):
-            raise InputError(f"friction = {self.coefficient:g} must be a positive coefficient, try 0.3")
-        if not (math.isfinite(self.elastic_slip) and self.elastic_slip > 0.0):
-            raise InputError(
-                f"elastic_slip = {self.elastic_slip:g} must be positive: the slip, in widths of the squeezed gap, at "
-                f"which the full friction is reached, try {ELASTIC_SLIP:g}"
-            )
 
 
 @dataclass(frozen=True)
@@ -123,11 +96,13 @@ class FrictionStates:
         points: the states, as of stresses.
         slip: what is frozen in the step.
         response: at this state.
+        law: of the region.
     """
 
     points: PointStates
     slip: SlipSystem
     response: SlipResponse
+    law: FrictionLaw
 
 
 @dataclass(frozen=True)

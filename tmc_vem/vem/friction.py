@@ -41,7 +41,7 @@ class BlockFriction:
         """Points at displacements (n_nodes, 2) of the nodes, as many cells at a time as of stresses."""
         for chosen, points in self._points(u_ni):
             slip = self._slip(chosen)
-            yield FrictionStates(points, slip, slip.response(points.F_cqij))
+            yield FrictionStates(points, slip, slip.response(points.F_cqij), self.law)
 
     def begin_step(self, u_ni: Float, shear_at: Callable[[Float], Float] | None = None) -> None:
         """Freeze the slip systems of the step that begins at displacements of the nodes.

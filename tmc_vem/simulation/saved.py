@@ -1,0 +1,106 @@
+"""Nodal values and shears of a checkpoint: in which order they stand there, and how they are found again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.simulation.checkpoint import Checkpoint
+from tmc_vem.solve.states import Beginning, States
+from tmc_vem.support.distributed import Vec
+from tmc_vem.system.discretisation import Discretisation
+from tmc_vem.system.layout import DISPLACEMENT
+from tmc_vem.system.point_values import PointValues
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Saved:
+    """What a run needs of states to go on.
+
+    Attributes:
+        main: the last ones of the load path.
+        kept: what stages have kept of states before them, values of this rank's part of a vector.
+        below: the last ones of a path beside it, with lower gamma, if there is one.
+    """
+
+    main: States
+    kept: Sequence[Float] = field(default_factory=list)
+    below: States | None = None
+
+    def checkpoint(self, facts: Mapping[str, Any], labels_nz: Float) -> Checkpoint:
+        """With the nodes and points of this rank, the nodes by their labels (n_nodes, 3)."""
+        below = self.below.vectors if self.below is not None else []
+        nodal = [_nodal(u) for u in self.main.vectors] + [DISPLACEMENT.nodal(values) for values in self.kept]
+        nodal += [_nodal(u) for u in below] + [_nodal(beginning.u) for beginning in self._beginnings]
+        shears = [beginning.shear for beginning in self._beginnings]
+        if not shears:
+            return Checkpoint(facts, labels_nz, np.array(nodal))
+        shear_kp = np.array([shear.values_p for shear in shears])
+        return Checkpoint(facts, labels_nz, np.array(nodal), shears[0].points_px, shear_kp)
+
+    @staticmethod
+    def read(checkpoint: Checkpoint, labels_nz: Float, points_px: Float, like: Vec) -> Saved:
+        """What a checkpoint has for the nodes and points of this rank.
+
+        Args:
+            checkpoint: all of it.
+            labels_nz: (n_nodes, 3) labels of the nodes.
+            points_px: (n_points, 2) quadrature points with friction.
+            like: any vector, which has the last state of the load path afterwards.
+
+        Raises:
+            InputError: it belongs to another mesh.
+        """
+        facts = checkpoint.facts
+        controls, lower = facts["controls"], facts.get("descending")
+        values_sni = checkpoint.values_at(labels_nz)
+        begun = _beginnings(checkpoint, values_sni, points_px, like)
+        end = len(values_sni) - len(checkpoint.shear_kp)
+        n_below = len(lower["controls"]) if lower else 0
+        main_sni, kept_sni, below_sni = np.split(values_sni[:end], [len(controls), end - n_below])
+        below = states_of(below_sni, lower["controls"], like) if lower else None
+        main = states_of(main_sni, controls, like)
+        main.beginning = next(begun, None)
+        if below is not None:
+            below.beginning = next(begun, None)
+        return Saved(main, [kept_ni.ravel() for kept_ni in kept_sni], below)
+
+    def give(self, system: Discretisation, stage: int) -> None:
+        """Bring a system to where it stood in the last step of the load path, in a stage."""
+        system.remember(stage, self.kept)
+        if self.main.beginning is not None:
+            system.remember_shear(self.main.beginning.u, self.main.beginning.shear.at)
+
+    @property
+    def _beginnings(self) -> list[Beginning]:
+        """Where the last steps began, in problems with friction."""
+        paths = [self.main] if self.below is None else [self.main, self.below]
+        return [path.beginning for path in paths if path.beginning is not None]
+
+
+def states_of(values_sni: Any, controls: Sequence[Sequence[float]], like: Vec) -> States:
+    """States of a checkpoint, with the vector that they are written through; it has the last one afterwards."""
+    states = States(like)
+    for control, state_ni in zip(controls, values_sni, strict=True):
+        like.getArray()[:] = state_ni.ravel()
+        states.append(np.array(control), like)
+    return states
+
+
+def _beginnings(checkpoint: Checkpoint, values_sni: Float, points_px: Float, like: Vec) -> Iterator[Beginning]:
+    """Where steps began: of the load path, and of the one beside it."""
+    first = len(values_sni) - len(checkpoint.shear_kp)
+    for state_ni, shear_p in zip(values_sni[first:], checkpoint.shear_kp, strict=True):
+        u = like.duplicate()
+        u.getArray()[:] = state_ni.ravel()
+        yield Beginning(u, PointValues(points_px, PointValues(checkpoint.points_px, shear_p).at(points_px)))
+
+
+def _nodal(vector: Vec) -> Float:
+    return DISPLACEMENT.nodal(vector.getArray(readonly=True)).copy()
