@@ -30,6 +30,9 @@ FAR, FAR_AT_LEAST = 3.0, 1e-3
 DETOURS = (10.0, 100.0)  # by how much gamma is raised to get past a load where the branch ends
 # By how much it is raised for the rest of the path where that does not help; it is brought back at the end.
 STIFFER = (10.0, 100.0, 1000.0)
+# Order of extrapolation with friction: where the medium slides, rates wander within what its points can do without
+# sticking. Higher orders magnify that, and points stick that have to slide: twice the iterations, and steps fail.
+SLIDING = 1
 REMEDY = "Try a larger alpha_r or gamma, --continuation from a larger gamma, --rule triangles, or a finer medium there"
 
 
@@ -350,7 +353,7 @@ class LoadStepper:
         increment = u.duplicate()
         try:
             for order in states.orders(control):
-                if order <= self.options.order:
+                if order <= (SLIDING if self.friction.is_there else self.options.order):
                     states.extrapolate(control, order, trial)
                     increment.waxpy(-1.0, u, trial)
                     if self.solver.is_admissible(u, increment):
