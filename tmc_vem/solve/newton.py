@@ -29,6 +29,10 @@ STALLED = 0.3  # a residual above this fraction of the one before, where Newton 
 # Multiples of the tangent's diagonal that are added where the tangent is indefinite.
 NEAR_EQUILIBRIUM = 1e-4
 SMALLEST_SHIFT, LARGEST_SHIFT = 1e-9, 10.0
+# Where friction slips, the tangent is nearly singular, and its step leads far beyond the next point that sticks or
+# slips back. After a step that had to be cut, points that slip have this fraction of the stiffness of those that stick,
+# ten times more after the next; after a full one next to nothing.
+FIRST_DAMPING, MORE_DAMPING, LESS_DAMPING = 1e-3, 10.0, 1e-2
 # Changes of the energy below this fraction of it are rounding, not information.
 ENERGY_ROUNDING = 1e-12
 # Without load there are no reactions to compare the residual with: they count as at least this fraction of the largest
@@ -176,6 +180,7 @@ class NewtonSolver:
             Whether the linear solve worked and J stays positive all the way (with a margin).
         """
         self.system.set_position(position)
+        self.system.damp_slip(0.0)
         increment = self._trial
         increment.set(0.0)
         increment.getArray()[self._constrained] = (
@@ -216,6 +221,7 @@ class NewtonSolver:
         iterations: list[Iteration] = []
         evaluation = self._evaluate(u)
         correction, step, pivots, least, reused = math.inf, 0.0, None, 0.0, False
+        damping, slips = 0.0, self.system.damp_slip(0.0)
         while True:
             if not evaluation.admissible:
                 return NewtonResult(False, f"inadmissible state ({evaluation.worst})", evaluation, tuple(iterations))
@@ -226,15 +232,20 @@ class NewtonSolver:
                 # rounding: a stiff body that moves far leaves more of it than the reactions of a soft medium amount to
                 STALLED * before * reference <= residual <= self.options.stalled_residual * reference
             )
-            if small and step == 1.0 and correction <= self.options.correction and not (minimise and pivots):
+            full = step == 1.0 and damping == 0.0
+            if small and full and correction <= self.options.correction and not (minimise and pivots):
                 return self.converged(u, evaluation, tuple(iterations), pivots)
             if len(iterations) >= limit:
                 reason = f"no convergence in {limit} iterations (residual {residual / reference:.1e})"
                 return NewtonResult(False, reason, evaluation, tuple(iterations), pivots)
 
             # the tangent of the iteration before is as good as a new one where the state has hardly changed since
-            reused = not (reused or self._shifted or minimise) and step == 1.0 and correction <= self.options.reuse
+            reused = (
+                not (reused or self._shifted or minimise or slips) and step == 1.0 and correction <= self.options.reuse
+            )
             if not reused:
+                damping = _damping(damping, step) if slips and iterations else 0.0
+                self.system.damp_slip(damping)
                 with self.timer("assembly"):
                     self.system.jacobian(u, self._matrix)
                 self._shifted = False
@@ -305,6 +316,7 @@ class NewtonSolver:
             Whether it worked, and the negative pivots of the tangent. The change is in ``out``.
         """
         self.system.set_position(position)
+        self.system.damp_slip(0.0)
         out.set(0.0)
         out.getArray()[self._constrained] = self.system.prescribed_per_load(position)
         with self.timer("assembly"):
@@ -423,3 +435,11 @@ class NewtonSolver:
 
     def _clear_constrained(self, vector: Vec) -> None:
         vector.getArray()[self._constrained] = 0.0
+
+
+def _damping(before: float, step: float) -> float:
+    """Damping of slip in the next tangent, after one with some that has led to a step."""
+    if step < 1.0:
+        return min(1.0, max(FIRST_DAMPING, MORE_DAMPING * before))
+    less = LESS_DAMPING * before
+    return less if less >= FIRST_DAMPING else 0.0

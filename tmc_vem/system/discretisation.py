@@ -147,6 +147,10 @@ class NonlinearSystem(Protocol):
         """The step that has converged to ``u`` is recorded, and another begins: friction depends on where it begins.
         Until then all is still that of the step, so that forces are in equilibrium; a failed step leaves nothing."""
 
+    def damp_slip(self, fraction: float) -> bool:
+        """From now on, tangents have a fraction of the stiffness of sticking points where points slip, 0 for the second
+        derivative itself; whether there is any friction."""
+
     def energy(self, u: Vec) -> Evaluation:
         """Potential at ``u`` alone."""
 

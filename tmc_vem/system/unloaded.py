@@ -55,6 +55,10 @@ class Unloaded:
     def advance(self, u: Vec) -> None:
         """Nothing here depends on the states that were reached."""
 
+    def damp_slip(self, fraction: float) -> bool:
+        """Nothing: there is no friction."""
+        return False
+
     def shear(self, u: Vec) -> tuple[Float, Float]:
         """Nothing: there is no friction."""
         return np.empty((0, 2)), np.empty(0)

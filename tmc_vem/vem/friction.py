@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.support.distributed import Vec
 from tmc_vem.system.friction import FrictionLaw, FrictionStates, SlipSystem
 from tmc_vem.system.point_states import PointStates
+from tmc_vem.system.unloaded import Unloaded
 from tmc_vem.vem.blocks import Block, RegionKernel
 from tmc_vem.vem.kernel.friction_packs import N_FRICTION, FrictionPacks
 from tmc_vem.vem.point_states import point_states
@@ -62,13 +64,14 @@ class BlockFriction:
         return zip(self.block.chunks(), point_states([self.block], self.mesh, u_ni), strict=True)
 
     @property
-    def _packs(self) -> FrictionPacks:
+    def packs(self) -> FrictionPacks:
+        """What kernels read."""
         packs = self.block.batch.friction
         assert packs is not None  # blocks without have no object of this class
         return packs
 
     def _slip(self, chosen: slice) -> SlipSystem:
-        k_cqk = self._packs.cells(chosen)
+        k_cqk = self.packs.cells(chosen)
         A_cqij = np.swapaxes(k_cqk[..., A].reshape(*k_cqk.shape[:2], 2, 2), -1, -2)
         return SlipSystem(
             A_cqij, k_cqk[..., AH], k_cqk[..., BOUND], k_cqk[..., STIFFNESS], k_cqk[..., TAU], self.normal_cqi[chosen]
@@ -79,7 +82,7 @@ class BlockFriction:
         k_cqk[..., A] = np.swapaxes(slip.A_ij, -1, -2).reshape(*slip.bound.shape, 4)
         for entry, values in ((AH, slip.AH), (BOUND, slip.bound), (STIFFNESS, slip.stiffness), (TAU, slip.tau)):
             k_cqk[..., entry] = values
-        self._packs.set_cells(chosen, k_cqk)
+        self.packs.set_cells(chosen, k_cqk)
         self.normal_cqi[chosen] = slip.n_i
 
 
@@ -93,7 +96,44 @@ def friction_of(blocks: Iterable[Block], kernels: Mapping[str, RegionKernel], me
     return found
 
 
-def shear(friction: Iterable[BlockFriction], u_ni: Float) -> tuple[Float, Float]:
+class WithFriction(Unloaded):
+    """What a system of blocks says of friction."""
+
+    _friction: Sequence[BlockFriction]
+    _has_friction: bool  # of any rank
+
+    def _local_values(self, u: Vec) -> Float:
+        raise NotImplementedError
+
+    def friction_states(self, u: Vec) -> Iterator[FrictionStates]:
+        """This rank's cells with friction at their quadrature points, some at a time."""
+        u_nodes = self._local_values(u).copy()
+        return (states for friction in self._friction for states in friction.states(u_nodes))
+
+    def advance(self, u: Vec) -> None:
+        """Friction of the step that begins at ``u``."""
+        u_nodes = self._local_values(u)
+        for friction in self._friction:
+            friction.begin_step(u_nodes)
+
+    def damp_slip(self, fraction: float) -> bool:
+        """Tangents have this fraction of the stiffness of sticking points where points slip."""
+        for friction in self._friction:
+            friction.packs.damping[:] = fraction
+        return self._has_friction
+
+    def shear(self, u: Vec) -> tuple[Float, Float]:
+        """Points (n, 2) with friction of this rank, and the shear (n,) there."""
+        return _shear(self._friction, self._local_values(u))
+
+    def remember_shear(self, u: Vec, shear_at: Callable[[Float], Float]) -> None:
+        """Begin a step at ``u`` with the shear that a function gives at points."""
+        u_nodes = self._local_values(u)
+        for friction in self._friction:
+            friction.begin_step(u_nodes, shear_at)
+
+
+def _shear(friction: Iterable[BlockFriction], u_ni: Float) -> tuple[Float, Float]:
     """Points (n, 2) of the reference configuration, and the shear (n,) reached there at displacements of the nodes."""
     X, tau = [np.empty((0, 2))], [np.empty(0)]
     for block in friction:

@@ -22,19 +22,18 @@ from tmc_vem.system.constraints import Condition, Pair
 from tmc_vem.system.control import Control, parameter_of
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fields import Polygons
-from tmc_vem.system.friction import FrictionStates
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
 from tmc_vem.system.point_states import PointStates
 from tmc_vem.system.reduction import Shares, at_named_points, extent, reaction, resultant, step_limit
 from tmc_vem.system.sides import Sides
-from tmc_vem.system.unloaded import Unloaded, require_regions
+from tmc_vem.system.unloaded import require_regions
 from tmc_vem.vem import cell_values
 from tmc_vem.vem.blocks import CHUNK, Block, RegionKernel, make_blocks, resisting_forces
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.facets.exchange import Halo
 from tmc_vem.vem.facets.penalty import InteriorPenalty, SideTerms
-from tmc_vem.vem.friction import friction_of, shear
+from tmc_vem.vem.friction import WithFriction, friction_of
 from tmc_vem.vem.insertion import CellTerms, MatrixInsertion, Terms
 from tmc_vem.vem.kernel.cells import CellValues
 from tmc_vem.vem.loads import body_load, sides_along
@@ -54,7 +53,7 @@ T = TypeVar("T")
 Evaluated = tuple[list[CellValues], list[tuple[SideTerms, tuple[Float, Float]]]]  # of blocks, and of sides
 
 
-class VemSystem(Unloaded):
+class VemSystem(WithFriction):
     """Stabilization-free virtual elements for a potential of F and G; implements ``Discretisation``.
 
     Args:
@@ -90,6 +89,7 @@ class VemSystem(Unloaded):
         self._constrained = self._constrained_local.renumbered(self.dofmap.owned_node_n)
         groups = element_groups(distributed.mesh, self.settings, distributed.cell_ids)
         self.blocks = on_every_rank(self.comm, lambda: make_blocks(distributed, self.dofmap, groups, kernels))
+        self._has_friction = any(kernels[region].friction is not None for region in self.regions)
         self._friction = friction_of(self.blocks, kernels, distributed.mesh)
         self.size = extent(self.comm, distributed.mesh.points_vx)
         self.penalty: InteriorPenalty | None = None
@@ -253,27 +253,6 @@ class VemSystem(Unloaded):
     def point_states(self, u: Vec) -> Iterator[PointStates]:
         """This rank's cells at their quadrature points, some at a time."""
         return point_states(self.blocks, self.distributed.mesh, self._local_values(u).copy())
-
-    def friction_states(self, u: Vec) -> Iterator[FrictionStates]:
-        """This rank's cells with friction at their quadrature points, some at a time."""
-        u_nodes = self._local_values(u).copy()
-        return (states for friction in self._friction for states in friction.states(u_nodes))
-
-    def advance(self, u: Vec) -> None:
-        """Friction of the step that begins at ``u``."""
-        u_nodes = self._local_values(u)
-        for friction in self._friction:
-            friction.begin_step(u_nodes)
-
-    def shear(self, u: Vec) -> tuple[Float, Float]:
-        """Points (n, 2) with friction of this rank, and the shear (n,) there."""
-        return shear(self._friction, self._local_values(u))
-
-    def remember_shear(self, u: Vec, shear_at: Callable[[Float], Float]) -> None:
-        """Begin a step at ``u`` with the shear that a function gives at points."""
-        u_nodes = self._local_values(u)
-        for friction in self._friction:
-            friction.begin_step(u_nodes, shear_at)
 
     def owned_nodes(self, where: str) -> Int:
         """Nodes at a named point or edge set that this rank owns, as positions in its part of a vector."""

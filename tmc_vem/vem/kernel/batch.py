@@ -33,6 +33,7 @@ class BatchStruct(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("inverse_h_sp", "gradient_sptxma", "second_spxma")),
         ("factor_ck", ctypes.c_void_p),
         ("friction_cpqk", ctypes.c_void_p),
+        ("slip_damping", ctypes.c_void_p),
     )
 
 
@@ -201,7 +202,7 @@ class CellBatch:
             address(table.position_mx), address(table.power_mx), address(self.shape_c), address(self.nodes_ca),
             address(self.piece_q), address(self.w_sp), address(self.xi_sp), address(self.inverse_h_sp),
             address(self.gradient_sp), address(self.second_sp), address(self.factor_ck),
-            address(None if self.friction is None else self.friction.values_cpqk),
+            *((None, None) if self.friction is None else (address(a) for a in self.friction.arrays)),
         )  # fmt: skip
 
 

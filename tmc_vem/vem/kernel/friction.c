@@ -28,7 +28,7 @@ ALWAYS_INLINE void clear_first(lanes g, lanes h) {
 }
 
 /* Add to energy, gradient and Hessian of a point; what is NULL is left out. */
-ALWAYS_INLINE void add_friction(const_lanes k, const_lanes x, double *psi, lanes g, lanes h) {
+ALWAYS_INLINE void add_friction(const_lanes k, double damping, const_lanes x, double *psi, lanes g, lanes h) {
   double tau[LANES], stiffness[LANES];
   for (int v = 0; v < LANES; ++v) {
     const double bound = k[TMC_FRICTION_BOUND][v], kt = k[TMC_FRICTION_STIFFNESS][v], tau_n = k[TMC_FRICTION_TAU][v];
@@ -37,7 +37,7 @@ ALWAYS_INLINE void add_friction(const_lanes k, const_lanes x, double *psi, lanes
     const double trial = tau_n + kt * dg;
     const double below = trial < bound ? trial : bound;
     tau[v] = below > -bound ? below : -bound;
-    stiffness[v] = trial < bound && trial > -bound ? kt : 0.0;
+    stiffness[v] = trial < bound && trial > -bound ? kt : damping * kt;
     const double change = tau[v] - tau_n;
     psi[v] += kt > 0.0 ? tau[v] * dg - 0.5 * change * change / kt : 0.0;
   }

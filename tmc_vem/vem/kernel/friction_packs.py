@@ -26,19 +26,27 @@ class FrictionPacks:
 
     Attributes:
         values_cpqk: (n_packs, n_points, 8, 8), entries of kernel_abi.h by cell of a pack.
+        damping: (1,) fraction of the stiffness that the tangent has where points slip.
     """
 
     def __init__(self, n_cells: int, n_points: int) -> None:
         self.n_cells = n_cells
         self.values_cpqk = np.zeros((-(-n_cells // LANES), n_points, N_FRICTION, LANES))
+        self.damping = np.zeros(1)
         self._version = 0
         self._from: tuple[FrictionPacks, NDArray[Any] | slice] | None = None
+
+    @property
+    def arrays(self) -> tuple[Array, Array]:
+        """What kernels read."""
+        return self.values_cpqk, self.damping
 
     def take(self, cells: NDArray[Any] | slice) -> FrictionPacks:
         """Some of the cells."""
         chosen = np.arange(self.n_cells)[cells]
         taken = FrictionPacks(len(chosen), self.values_cpqk.shape[1])
         taken._from, taken._version = (self, chosen), -1
+        taken.damping = self.damping
         taken.refresh()
         return taken
 

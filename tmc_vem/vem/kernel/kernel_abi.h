@@ -40,12 +40,13 @@ typedef struct {
   const double *second_spxma;             /* of the second gradient's potential; only read if tmc_n_rows is 6 */
   const double *factor_ck;                /* [n_cells][N_VARYING] of parameters that vary; not read if there are none */
   const double *friction_cpqk;            /* [n_cells / 8][n_points][TMC_N_FRICTION][cell % 8]; NULL for no friction */
+  const double *slip_damping;             /* [1] fraction of kt in the tangent of points that slip; read with friction */
 } tmc_batch;
 
 /* Friction of a load step at a point: A in the order of F - I, A : (F_n - I), the bound c, the stiffness kt and the shear
  * at the beginning of the step. With trial = tau_n + kt (A : F - A : F_n) and tau = clip(trial, -c, c),
- *   psi += tau dg - (tau - tau_n)^2 / (2 kt),   g += tau A,   h += (|trial| < c ? kt : 0) A (x) A;
- * nothing where kt is 0. */
+ *   psi += tau dg - (tau - tau_n)^2 / (2 kt),   g += tau A,   h += (|trial| < c ? kt : slip_damping kt) A (x) A;
+ * nothing where kt is 0. The second derivative is that without damping; with it Newton's method takes shorter steps. */
 enum { TMC_FRICTION_A = 0, TMC_FRICTION_AH = 4, TMC_FRICTION_BOUND, TMC_FRICTION_STIFFNESS, TMC_FRICTION_TAU, TMC_N_FRICTION };
 
 /* Where element tangents go: the values of a matrix in compressed rows whose row and column 2 n + i belong to

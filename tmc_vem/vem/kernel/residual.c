@@ -182,7 +182,7 @@ static int64_t cells_below_tangent(const tmc_batch *batch, const double *u_ni, c
           else
             point_energy((const_lanes)at->x, values, (double *)&at->psi);
           if (friction && has_friction(friction + (q0 + p) * TMC_N_FRICTION))
-            add_friction(friction + (q0 + p) * TMC_N_FRICTION, (const_lanes)at->x, (double *)&at->psi,
+            add_friction(friction + (q0 + p) * TMC_N_FRICTION, 0.0, (const_lanes)at->x, (double *)&at->psi,
                          residual_ni ? (lanes)at->g : NULL, NULL);
           energy += w * at->psi;
         }

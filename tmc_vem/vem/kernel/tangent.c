@@ -147,7 +147,8 @@ static int64_t cells_with_tangent(const tmc_batch *batch, const double *u_ni, co
         if (friction) clear_first((lanes)at.g, (lanes)h);
         point_tangent((const_lanes)at.x, values, (double *)&at.psi, (lanes)at.g, (lanes)h);
         if (friction && has_friction(friction + q * TMC_N_FRICTION))
-          add_friction(friction + q * TMC_N_FRICTION, (const_lanes)at.x, (double *)&at.psi, (lanes)at.g, (lanes)h);
+          add_friction(friction + q * TMC_N_FRICTION, *batch->slip_damping, (const_lanes)at.x, (double *)&at.psi,
+                       (lanes)at.g, (lanes)h);
         energy += *w * at.psi;
         if (residual_ni) add_forces(n, w, at.g, B_ra, work.R_ai);
         material_rows(n, w, h, B_ra, work.D_kqra + (size_t)(q - q0) * N_ROWS * n, block);
