@@ -33,7 +33,7 @@ from tmc_vem.simulation.problem_file import read_problem
 Float = NDArray[np.float64]
 
 PROBLEM = Path(__file__).parent / "problems" / "sliding_block.toml"
-FORCE, WIDTH, SLIDE = 0.1, 0.05, 0.02  # N, initial width of the layer, amplitude s
+FORCE, WIDTH, SLIDE = 0.1, 0.05, 0.01  # N, initial width of the layer, amplitude s
 TURNS = (2.0, 4.0, 6.0)  # times at which the block is farthest to the right, left and right
 COARSE = {"mesh.refine": [{"near": [[0.0, 0.025], [1.0, 0.025]], "size": 0.05, "within": 0.025}]}
 

@@ -68,8 +68,8 @@ def slope(result: RunResult) -> float:
 
 def solve(friction: float, out: Path, quick: bool) -> RunResult:
     """Run with one coefficient."""
-    changes = {"regions.medium.medium.friction": friction} if friction else {}
-    problem, options = read_problem(PROBLEM, {**changes, **({"load.ux": 0.1} if quick else {})})
+    changes = {"regions.medium.medium.friction": friction, **({"load.ux": 0.1} if quick else {})}
+    problem, options = read_problem(PROBLEM, changes)
     result = run(problem, out, replace(options, overwrite=True))
     assert result.complete, result.reason
     return result
