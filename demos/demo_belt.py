@@ -65,7 +65,7 @@ class Found:
         """State at a time."""
         step = min(result.history, key=lambda step: abs(step.load - time))
         curves = result.traction(time)
-        on_face = np.flatnonzero(np.hypot(*curves.reference_nx.T) < RADIUS + 0.75 * THICKNESS)
+        on_face = np.flatnonzero((np.hypot(*curves.reference_nx.T) < RADIUS + 1.5 * THICKNESS) & (curves.reference_nx[:, 1] > 0.0))
         angle = np.arctan2(curves.point_nx[on_face, 1], curves.point_nx[on_face, 0])
         order = np.argsort(angle)
         return Found(-step.forces["pull"]["reaction"] / WEIGHT, angle[order], curves.pressure_n[on_face][order])

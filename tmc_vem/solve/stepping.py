@@ -33,7 +33,7 @@ STIFFER = (10.0, 100.0, 1000.0)
 # Order of extrapolation with friction. Where the medium slides, rates wander within what its points can do without
 # sticking. Higher orders magnify that, and points stick that have to slide: twice the iterations, and steps fail.
 SLIDING_ORDER = 1
-# Iterations go with the number of points that begin or end to stick, which shorter steps do not lessen: so many will do.
+# Iterations go with the number of points that begin or end to stick, which shorter steps do not lessen.
 SLIDING_ITERATIONS = 40
 REMEDY = "Try a larger alpha_r or gamma, --continuation from a larger gamma, --rule triangles, or a finer medium there"
 
