@@ -15,7 +15,6 @@ from tmc_vem.energy import densities
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "demos"))
 
-import demo_belt as belt
 import demo_cattaneo as cattaneo
 import demo_shear_lag as shear_lag
 import demo_sliding_block as sliding_block
@@ -125,18 +124,6 @@ def test_widths_are_those_of_the_pressures_that_fit() -> None:
     found = cattaneo.Found(x, contact.pressure(x), contact.shear(x), np.full(41, 0.005), contact)
     assert found.width == pytest.approx(contact.half_width, rel=1e-9)
     assert found.stick == pytest.approx(contact.stick, rel=1e-9)
-
-
-# ---- Belt ------------------------------------------------------------------------------------------------------------
-
-
-def test_growth_along_a_belt_is_that_of_its_pressure() -> None:
-    assert belt.exponent(0.3, 0.0) == 0.3
-    assert belt.exponent(0.3) == pytest.approx(0.3 / 1.02)
-    angle = np.linspace(0.0, math.pi, 61)
-    pressure = 0.1 * np.exp(-0.2 * angle)
-    pressure[[0, 1, -2, -1]] = 9.0  # ends of the wrap do not count
-    assert belt.Found(1.0, angle, pressure).growth == pytest.approx(-0.2)
 
 
 # ---- Snap-fit --------------------------------------------------------------------------------------------------------
