@@ -8,8 +8,8 @@ slip over its initial width, the medium of this problem, `balanced`, has
 
 $$\\frac{\\text{shear}}{\\text{pressure}} = \\frac{3 k l}{3 + k^2 - 2 l^2 - l^{5/3}} \\le 0.87 \\, l.$$
 
-Without it the ratio is compared with the coefficient. The work of a cycle of amplitude $s$ would be $4 \\mu_f N s$ if the
-block were rigid and stuck without any elastic slip; both take a part of the way, more of it the larger the force is.
+Without it the ratio is compared with the coefficient. The work of a cycle of amplitude $s$ would be $4 \\mu_f N s$ if
+the block were rigid and stuck without any elastic slip; both take a part of the way, more of it the larger the force.
 
     python demos/demo_sliding_block.py            # friction 0.3 and 0.6
     python demos/demo_sliding_block.py --quick    # a coarser mesh and longer steps, 0.3 only
@@ -80,7 +80,7 @@ def draw(results: dict[float, RunResult], path: Path) -> None:
         for sign in (-1.0, 1.0):
             axes.axhline(sign * friction, color=f"C{n}", linestyle="--", linewidth=0.7)
     axes.set(xlabel="displacement of the block's side", ylabel="pulling force over N, without parasitic part")
-    axes.legend(frameon=False, loc="center")
+    axes.legend(frameon=False, loc="center", bbox_to_anchor=(0.5, 0.3))
     figure.savefig(path, dpi=150)
 
 

@@ -18,7 +18,6 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "demos"))
 import demo_cattaneo as cattaneo
 import demo_shear_lag as shear_lag
 import demo_sliding_block as sliding_block
-import demo_snap_fit as snap_fit
 
 TINY = 1e-30
 
@@ -124,24 +123,3 @@ def test_widths_are_those_of_the_pressures_that_fit() -> None:
     found = cattaneo.Found(x, contact.pressure(x), contact.shear(x), np.full(41, 0.005), contact)
     assert found.width == pytest.approx(contact.half_width, rel=1e-9)
     assert found.stick == pytest.approx(contact.stick, rel=1e-9)
-
-
-# ---- Snap-fit --------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_the_nose_of_an_arm_stays_on_its_ramp(friction: float) -> None:
-    """End of a cantilever under the force P up and the moment -F h: deflection, slope, and the nose on the wedge."""
-    length, depth, ramp = snap_fit.LENGTH, snap_fit.DEPTH, math.tan(snap_fit.ANGLE)
-    along = ramp_force = snap_fit.insertion(friction)  # F at a displacement of 1
-    up = along / math.tan(snap_fit.ANGLE + math.atan(friction))
-    moment = -ramp_force * depth
-    deflection = (up * length**3 / 3 + moment * length**2 / 2) / snap_fit.STIFFNESS
-    slope = (up * length**2 / 2 + moment * length) / snap_fit.STIFFNESS
-    assert deflection == pytest.approx(ramp * (1.0 + depth * slope), rel=1e-12)
-
-
-def test_a_slope_is_that_of_the_last_half() -> None:
-    u = np.linspace(0.0, 0.2, 21)
-    result = history(u, "plate", u, np.where(u < 0.09, 0.0, 0.4 * (u - 0.05)))
-    assert snap_fit.slope(result) == pytest.approx(0.4)
