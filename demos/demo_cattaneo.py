@@ -38,9 +38,9 @@ Float = NDArray[np.float64]
 PROBLEM = Path(__file__).parent / "problems" / "cattaneo.toml"
 RADIUS, YOUNG, POISSON, FRICTION = 1.0, 1000.0, 0.3, 0.3
 EFFECTIVE = YOUNG / (2.0 * (1.0 - POISSON**2))  # E*, two bodies of the same material
-COARSE = {"mesh.refine": [{"near": [[-0.06, 0.01], [0.06, 0.01]], "size": 0.012, "within": 0.012},
-                          {"near": [[-0.32, 0.04], [-0.06, 0.01]], "size": 0.04},
-                          {"near": [[0.06, 0.01], [0.32, 0.04]], "size": 0.04}]}  # fmt: skip
+COARSE = {"mesh.refine": [{"near": [[-0.06, 0.01], [0.06, 0.01]], "size": 0.01, "within": 0.012},
+                          {"near": [[-0.32, 0.04], [-0.06, 0.01]], "size": 0.02},
+                          {"near": [[0.06, 0.01], [0.32, 0.04]], "size": 0.02}]}  # fmt: skip
 
 
 @dataclass(frozen=True)
