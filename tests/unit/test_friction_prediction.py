@@ -1,0 +1,66 @@
+"""Where steps with friction start from, and how their length answers to the iterations that they take."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers_truss import Truss
+
+from tmc_vem.solve.friction_steps import FrictionSteps
+from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
+from tmc_vem.solve.path import load_path
+from tmc_vem.solve.states import States
+from tmc_vem.solve.stepping import LoadStepper, StepperState, SteppingOptions
+
+
+def stepper(friction: bool) -> LoadStepper:
+    """Of a system, of which it is said that it has friction."""
+    system = Truss()
+    told = FrictionSteps(system if friction else None)  # type: ignore[arg-type]
+    return LoadStepper(NewtonSolver(system), SteppingOptions(largest=1.0), path=load_path((0.0, 1.0)), friction=told)
+
+
+@pytest.mark.parametrize(("friction", "coefficients"), [(True, [0.0, 0.0, -1.0, 2.0]), (False, [-1.0, 4.0, -6.0, 4.0])])
+def test_steps_with_friction_start_from_the_last_two_states(friction: bool, coefficients: list[float]) -> None:
+    moving = stepper(friction)
+    u = moving.solver.system.create_vector()
+    states, values = States(u), np.array([0.0, 1e-3, 1e-3, 3e-3])
+    for n, value in enumerate(values):
+        u.set(value)
+        states.append(moving.path.vector(moving.path.at(0.1 * n)), u)
+    trial: Any = u.duplicate()
+    assert moving._extrapolate(u, states, trial, 0.4)
+    np.testing.assert_allclose(trial.getArray(), coefficients @ values, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("friction", "iterations", "factor"), [
+    (True, 39, 2.0), (True, 40, 1.0), (True, 50, 0.8), (False, 3, 2.0), (False, 5, 0.8), (False, 15, 0.5),
+])  # fmt: skip
+def test_steps_with_friction_may_take_more_iterations(friction: bool, iterations: int, factor: float) -> None:
+    position = replace(StepperState(), time=0.2, size=0.1)
+    assert stepper(friction)._next_size(position, 0.3, iterations, was_cut=False) == pytest.approx(0.1 * factor)
+
+
+class Slipping(Truss):
+    """A truss that says of itself that it has friction, or not, and whose residual never vanishes."""
+
+    def __init__(self, slips: bool) -> None:
+        super().__init__()
+        self.slips = slips
+
+    def damp_slip(self, fraction: float) -> bool:
+        return self.slips
+
+    def bars(self, v: Any) -> tuple[Any, Any, Any]:
+        return -1e-3 * v, -1e-3, 1.0  # falls evenly
+
+
+@pytest.mark.parametrize(("slips", "minimise", "most"), [(False, False, 4), (True, False, 12), (True, True, 40)])
+def test_slip_is_worth_more_iterations(slips: bool, minimise: bool, most: int) -> None:
+    system = Slipping(slips)
+    result = NewtonSolver(system, NewtonOptions(max_iterations=4)).solve(system.create_vector(), minimise=minimise)
+    assert not result.converged
+    assert len(result.iterations) == most
