@@ -67,7 +67,7 @@ def slip_direction(F: Float, n: Float) -> Float:
 
 def bound(F: Float, coefficient: float, level: float = 1.0) -> float:
     """Largest Kirchhoff shear of a point: none unless it is squeezed to less than half."""
-    if np.linalg.svd(F, compute_uv=False)[-1] >= 0.5:
+    if np.linalg.svd(F, compute_uv=False)[-1] >= 0.5 or np.linalg.det(F) >= 0.5:
         return 0.0
     n = normal(F)
     return coefficient * max(0.0, -float(n @ medium_stress(F, level) @ F.T @ n))

@@ -218,6 +218,15 @@ def test_the_definitions_at_a_point() -> None:
     np.testing.assert_allclose(smallest_stretch(F), np.linalg.svd(F, compute_uv=False)[:, 1], rtol=1e-12)
 
 
+@pytest.mark.parametrize(("stretch", "k", "rubs"), [(1.0, 3.0, False), (0.51, 2.0, False), (0.49, 0.0, True)])
+def test_an_open_gap_that_is_sheared_has_no_friction(stretch: float, k: float, rubs: bool) -> None:
+    """Its smallest stretch is small as well, and the medium is pressed along it; but nothing is squeezed away."""
+    F = layer(stretch, k)
+    assert smallest_stretch(F) < 0.5 or not k
+    system = slip_system(F, medium_stress(F[None], 2.0)[0], Friction(0.3), np.array(0.0))
+    assert (system.bound > 0.0) == rubs
+
+
 def test_small_stretches_keep_their_digits() -> None:
     """Squeezed to a millionth and slipped far, an eigenvalue of b alone has lost all digits."""
     F = layer(1e-6, 3.0)

@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 import pyvista
-from click.testing import CliRunner
 from helpers_traction import Solved, solved
 
 from tmc_vem import RunResult, run
-from tmc_vem.cli.main import cli
 from tmc_vem.cli.progress import summary_rows
 from tmc_vem.problems.contact_probe import Contact
 from tmc_vem.problems.contact_quantities import OF_FRICTION
@@ -28,6 +26,7 @@ from tmc_vem.results.contact_table import read_table
 from tmc_vem.results.energy_balance import energy_balance
 from tmc_vem.results.output import gather_fields
 from tmc_vem.results.records import OF_REGION
+from tmc_vem.simulation.contact_probe import contact_reader
 from tmc_vem.simulation.problem_file import read_problem
 from tmc_vem.support.units import Units
 
@@ -303,12 +302,18 @@ def test_curves_of_a_run_with_friction(sliding: Solved, monkeypatch: pytest.Monk
     assert len(plots.energy_split({"a": plain}).axes) == 2
 
 
-def test_probes_of_friction_need_some(tmp_path: Path) -> None:
-    text = SLIDING.replace(", friction = 0.3", "")
+def test_probes_of_friction_without_any(tmp_path: Path) -> None:
+    """Of coefficients from 0 on, the first has no force of friction, and what is not known of it is not a number."""
+    text = SLIDING.replace("friction = 0.3", "friction = 0")
     assert text != SLIDING
-    (tmp_path / "plain.toml").write_text(text)
-    done = CliRunner().invoke(cli, ["check", str(tmp_path / "plain.toml")])
-    assert "probes: rub: friction_x of 'low-up' needs a medium with friction" in str(done.exception)
+    problem, _ = read_problem(_written(tmp_path / "plain.toml", text))
+    problem.probes()["rub"].examine(problem.make_mesh(), problem.regions())
+    state = SimpleNamespace(contact={"low-up": {"force": 2.0}})
+    wanted = {name: Contact(name, "low-up") for name in OF_FRICTION}
+    found = contact_reader(wanted, problem, None)(state)  # type: ignore[arg-type]
+    zero = {name for name, value in found.items() if value == 0.0}
+    assert zero == {"friction", "friction_x", "friction_y"}
+    assert all(np.isnan(found[name]) for name in set(found) - zero)
     problem, _ = read_problem(_written(tmp_path / "body.toml", SLIDING.replace('of = "low-up"', 'of = "up"')))
     problem.probes()["rub"].examine(problem.make_mesh(), problem.regions())
     assert Contact("slip_max", "up").kind == OF_FRICTION["slip_max"] == "length"

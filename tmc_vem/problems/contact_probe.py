@@ -56,14 +56,7 @@ class Contact(Probe):
                 f"of: there is no body or pair '{self.of}': give one of {', '.join(bodies)}, or two of them in this "
                 f"order with a '{joint}' between"
             )
-        if self.quantity in OF_FRICTION:
-            if all(region.friction is None for region in regions.values()):
-                raise InputError(
-                    f"{self.quantity} of '{self.of}' needs a medium with friction: give one of them friction, such as "
-                    "medium = { friction = 0.3 }, or leave the probe out"
-                )
-            return
-        if self.of in bodies and self.quantity not in OF_BODY:
+        if self.of in bodies and self.quantity not in {**OF_BODY, **OF_FRICTION}:
             raise InputError(
                 f"of: '{self.of}' is one body, which has {', '.join(OF_BODY)}: {self.quantity} is that of a pair, as "
                 f"'{pairs[min(1, len(pairs) - 1)]}'"

@@ -30,6 +30,7 @@ OF_FRICTION: Mapping[str, str] = {
     "sticking": NONE,
     "slip_max": LENGTH,
 }
+FORCES_OF_FRICTION = ("friction", "friction_x", "friction_y")
 JOINTS, FIRST_SIGN = ("-", "--"), 0x2013  # an en dash, and all signs from there on
 # what bodies that do not face each other have no value of, not even 0
 UNKNOWN_APART = (

@@ -9,7 +9,7 @@ eigenvector of b = F F^T to the smallest eigenvalue, s = (-n2, n1). With F of th
 
 and tau = clip(tau_n + kt A : (F - F_n), -c, c) adds tau A to P. So each step has a potential, whose second derivative
 is of rank one; the scheme is of first order in the slip of a step. Points that are not squeezed to half carry no
-friction.
+friction, and none does that is only sheared.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from tmc_vem.system.point_states import PointStates
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
-SQUEEZED = 0.5  # smallest stretch below which the medium carries friction
+SQUEEZED = 0.5  # smallest stretch, and J, below which the medium carries friction
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class FrictionLaw:
             parameters: of the energy, numbers or (n_cells, 1).
             tau_cq: (n_cells, n_points) shear reached; it is cut to the new bound.
         """
-        where = np.nonzero(smallest_stretch(F_cqij) < SQUEEZED)
+        where = np.nonzero(is_squeezed(F_cqij))
         F = F_cqij[where][:, None]
         values = {
             name: np.broadcast_to(value, tau_cq.shape)[where][:, None] if np.ndim(value) else value
@@ -157,7 +157,7 @@ def slip_system(F: Float, P_medium: Float, friction: Friction, tau: Float) -> Sl
     """
     n, s = contact_directions(F)
     pressure = np.maximum(0.0, -_dot(_times(np.swapaxes(P_medium, -1, -2), n), _times(np.swapaxes(F, -1, -2), n)))
-    bound = np.where(smallest_stretch(F) < SQUEEZED, friction.coefficient * pressure, 0.0)
+    bound = np.where(is_squeezed(F), friction.coefficient * pressure, 0.0)
     A = _product(s, _solved(F, n)) + _product(n, _solved(F, s))
     A *= (bound > 0.0)[..., None, None]
     return SlipSystem(
@@ -206,6 +206,14 @@ def contact_directions(F: Float) -> tuple[Float, Float]:
     angle = 0.5 * np.arctan2(twice_shear, difference)  # of the largest one
     along, across = np.cos(angle), np.sin(angle)
     return np.stack([-across, along], axis=-1), np.stack([-along, -across], axis=-1)
+
+
+def is_squeezed(F: Float) -> Bool:
+    """(...) whether the medium is squeezed to a layer. A small stretch alone does not tell: shear in an open gap has
+    one as well, with J about 1."""
+    J = F[..., 0, 0] * F[..., 1, 1] - F[..., 0, 1] * F[..., 1, 0]
+    squeezed: Bool = (smallest_stretch(F) < SQUEEZED) & (J < SQUEEZED)
+    return squeezed
 
 
 def smallest_stretch(F: Float) -> Float:
