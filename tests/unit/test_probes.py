@@ -196,7 +196,7 @@ def test_wrong_components_and_units_are_refused() -> None:
 
 
 def test_reserved_names_are_the_columns_that_are_no_probes() -> None:
-    groups = {"probes", "forces", "contact", "min_j", "energy", "parameters"}
+    groups = {"probes", "forces", "contact", "friction", "min_j", "energy", "parameters"}
     assert set(RESERVED) == {field.name for field in dataclasses.fields(StepRecord)} - groups
 
 

@@ -102,6 +102,7 @@ class Repeats:
         begun, u = self.recorder.descending, self.system.create_vector()
         if begun is None or begun.position.time > self.path.end - DONE:  # that of the gamma before is done
             self._take_up(Beginning(u, PointValues(np.empty((0, 2)), np.empty(0))))
+            self.solver.last_shift = 0.0  # as at the beginning of any run
             return u, None, None
         self._take_up(begun.states.beginning)
         begun.states.vectors[-1].copy(u)

@@ -90,7 +90,8 @@ class Slip:
     """How far stations have slipped along what they face, from the reference state on.
 
     Attributes:
-        slip_n: (n,) sum of the slips of the steps, positive in the direction of the line.
+        slip_n: (n,) sum of the slips of the steps, positive in the direction of the line; not a number of stations
+            that have been in contact without facing anything, whose slip was not seen then.
         path_n: (n,) sum of their magnitudes.
     """
 
@@ -107,7 +108,7 @@ class Slip:
         face in the end.
 
         So bodies that move or turn together do not slip. Where none of a line's stations in contact faces an outline,
-        they are taken to face ground at rest; others that face none do not slip.
+        they are taken to face ground at rest; of others that face none nothing is known from then on.
 
         Args:
             before, now: states at the beginning and at the end of the step.
@@ -118,6 +119,7 @@ class Slip:
         along_n = _along(now.points_nx, seen) - _along(before.points_nx, seen)
         moved_n = ((now.points_nx - before.points_nx) * _unit(before.tangent_ni + now.tangent_ni)).sum(axis=1)
         slip_n = np.where(faces_n, along_n, np.where(on_ground_n, moved_n, 0.0))
+        slip_n[touches_n & ~faces_n & ~on_ground_n] = np.nan
         self.slip_n += slip_n
         self.path_n += np.abs(slip_n)
 
@@ -162,4 +164,6 @@ def measure(traction: Traction, found: SurfaceFriction, slip: Slip | None, chose
         "friction_coefficient": float(np.abs(found.shear_n[mine]) @ weight) / pressing,
         "sticking": float(found.sticking_n[mine] @ bound) / float(bound.sum()),
     }
-    return values if slip is None else values | {"slip_max": float(np.abs(slip.slip_n[mine]).max())}
+    slips = np.abs(slip.slip_n[mine]) if slip is not None else np.empty(0)
+    known = slips[np.isfinite(slips)]
+    return values | {"slip_max": float(known.max())} if len(known) else values
