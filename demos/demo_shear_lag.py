@@ -105,7 +105,7 @@ class Found:
 
 def solve(gamma: float, cells: str, out: Path, quick: bool) -> Found:
     """Run with one gamma on one kind of cells."""
-    changes = {"regions.layer.medium.gamma": gamma, "mesh.cells": cells, **({"mesh.size": 0.1} if quick else {})}
+    changes = {"regions.medium.medium.gamma": gamma, "mesh.cells": cells, **({"mesh.size": 0.1} if quick else {})}
     problem, options = read_problem(PROBLEM, changes)
     result = run(problem, out, replace(options, overwrite=True, largest_step=0.2 if quick else options.largest_step))
     assert result.complete, result.reason

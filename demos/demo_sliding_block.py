@@ -61,7 +61,7 @@ def cycle_work(place: Float, ratio: Float) -> float:
 
 def solve(friction: float, out: Path, quick: bool) -> RunResult:
     """Run with one coefficient."""
-    problem, options = read_problem(PROBLEM, {"regions.layer.medium.friction": friction, **(COARSE if quick else {})})
+    problem, options = read_problem(PROBLEM, {"regions.medium.medium.friction": friction, **(COARSE if quick else {})})
     options = replace(options, overwrite=True, largest_step=0.25 if quick else options.largest_step)
     result = run(problem, out, options)
     assert result.complete, result.reason

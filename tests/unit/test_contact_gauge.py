@@ -22,7 +22,8 @@ from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 DEMOS = sorted((Path(__file__).parents[2] / "demos" / "problems").glob("*.toml"))
-DEAR = ("gripper", "seal", "pneumatic")  # whose meshes alone take seconds: with the slow tests
+# With the slow tests: the meshes of the first three alone take seconds, and first steps of the others many iterations.
+DEAR = ("gripper", "seal", "pneumatic", "shear_lag", "sliding_block")
 NEWTON = 1e-9  # of the largest force
 
 KINDS = {
