@@ -22,7 +22,7 @@ from tmc_vem.system.point_values import PointValues
 # The shortest step that is cut because of friction, relative to the tolerated error. Where contact begins there is no
 # friction yet to compare with; a load that grows evenly has steps as long as the error later on.
 SHORTEST = 0.1
-SMALLEST = 1e-4  # nor is any shorter than this cut for it
+SMALLEST = 4e-5  # nor is any shorter than this cut for it; Newton's method may still halve it
 STRETCHED = 1.3  # by how much a step is at most longer than it was made, so that no sliver is left before a stop
 AIM = 0.8  # part of the tolerated error that the next step is made for
 LEAST, MOST = 0.1, 0.5  # by how much a step is cut
