@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from helpers_rub import rub
 from helpers_truss import Truss
 
-from tmc_vem.solve.friction_steps import FrictionSteps
-from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
+from tmc_vem.simulation.options import RunOptions
+from tmc_vem.simulation.problem_file import read_problem
+from tmc_vem.simulation.simulation import prepare, stepping_of
+from tmc_vem.solve.friction_steps import MOST_ITERATIONS
+from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.solve.path import load_path
 from tmc_vem.solve.states import States
-from tmc_vem.solve.stepping import LoadStepper, StepperState, SteppingOptions
+from tmc_vem.solve.stepping import LoadStepper, StepperState
 
 
 def stepper(friction: bool) -> LoadStepper:
-    """Of a system, of which it is said that it has friction."""
-    system = Truss()
-    told = FrictionSteps(system if friction else None)  # type: ignore[arg-type]
-    return LoadStepper(NewtonSolver(system), SteppingOptions(largest=1.0), path=load_path((0.0, 1.0)), friction=told)
+    """With the options of a problem with friction, or without."""
+    options = stepping_of(RunOptions(largest_step=1.0), friction=friction)
+    return LoadStepper(NewtonSolver(Truss()), options, path=load_path((0.0, 1.0)))
 
 
 @pytest.mark.parametrize(("friction", "coefficients"), [(True, [0.0, 0.0, -1.0, 2.0]), (False, [-1.0, 4.0, -6.0, 4.0])])
@@ -44,23 +48,6 @@ def test_steps_with_friction_may_take_more_iterations(friction: bool, iterations
     assert stepper(friction)._next_size(position, 0.3, iterations, was_cut=False) == pytest.approx(0.1 * factor)
 
 
-class Slipping(Truss):
-    """A truss that says of itself that it has friction, or not, and whose residual never vanishes."""
-
-    def __init__(self, slips: bool) -> None:
-        super().__init__()
-        self.slips = slips
-
-    def damp_slip(self, fraction: float) -> bool:
-        return self.slips
-
-    def bars(self, v: Any) -> tuple[Any, Any, Any]:
-        return -1e-3 * v, -1e-3, 1.0  # falls evenly
-
-
-@pytest.mark.parametrize(("slips", "minimise", "most"), [(False, False, 4), (True, False, 12), (True, True, 40)])
-def test_slip_is_worth_more_iterations(slips: bool, minimise: bool, most: int) -> None:
-    system = Slipping(slips)
-    result = NewtonSolver(system, NewtonOptions(max_iterations=4)).solve(system.create_vector(), minimise=minimise)
-    assert not result.converged
-    assert len(result.iterations) == most
+def test_slip_is_worth_more_iterations(tmp_path: Path) -> None:
+    problem, options = read_problem(rub(tmp_path))
+    assert prepare(problem, None, options).solver.options.max_iterations == MOST_ITERATIONS == 60

@@ -239,7 +239,7 @@ def test_what_goes_along_a_path_with_friction(tmp_path: Path) -> None:
     assert isinstance(stepper, LoadStepper)
     assert stepper.soften == {}  # no detour over a stiffer medium
     assert stepper.friction == FrictionSteps(simulation.system, 0.02, simulation.path.end)
-    assert (stepper.options.target_iterations, stepper.solver.options.max_iterations) == (16, 30)
+    assert (stepper.options.target_iterations, stepper.solver.options.max_iterations) == (40, 60)
     assert isinstance(repeats, Repeats)
     again = repeats._stepper(0.1)
     assert (again.options, again.friction, again.jumps) == (stepper.options, stepper.friction, False)

@@ -356,7 +356,7 @@ def stepping_of(options: RunOptions, *, friction: bool = False) -> SteppingOptio
     Raises:
         InputError: the number of steps is out of range.
     """
-    from tmc_vem.solve.friction_steps import TARGET_ITERATIONS
+    from tmc_vem.solve.friction_steps import EXTRAPOLATION, TARGET_ITERATIONS
     from tmc_vem.solve.stepping import SteppingOptions
 
     return SteppingOptions(
@@ -365,6 +365,7 @@ def stepping_of(options: RunOptions, *, friction: bool = False) -> SteppingOptio
         first=min(SteppingOptions.first, options.largest_step),
         smallest=min(SteppingOptions.smallest, options.largest_step),
         target_iterations=TARGET_ITERATIONS if friction else SteppingOptions.target_iterations,
+        order=EXTRAPOLATION if friction else SteppingOptions.order,
     )
 
 

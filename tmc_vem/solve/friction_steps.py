@@ -27,9 +27,12 @@ STRETCHED = 1.3  # by how much a step is at most longer than it was made, so tha
 AIM = 0.8  # part of the tolerated error that the next step is made for
 LEAST, MOST = 0.1, 0.5  # by how much a step is cut
 ROUNDING = 1e-6
-# Points that begin to slip or to stick take Newton's method more iterations, in short steps as in long ones: steps that
-# shrink with them shrink to nothing. So they shrink above this number, and are given up at the other.
-TARGET_ITERATIONS, MOST_ITERATIONS = 16, 30
+# Iterations of Newton's method go with the number of points that begin to slip or to stick, in short steps as in long
+# ones: steps that shrink with them shrink to nothing. So they shrink above this number, and are given up at the other.
+TARGET_ITERATIONS, MOST_ITERATIONS = 40, 60
+# Where the medium slides, rates wander within what its points can do without sticking. Higher orders of extrapolation
+# magnify that, and points stick that have to slide: twice the iterations, and steps fail.
+EXTRAPOLATION = 1
 
 
 @dataclass(frozen=True)

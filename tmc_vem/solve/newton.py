@@ -33,9 +33,7 @@ SMALLEST_SHIFT, LARGEST_SHIFT = 1e-9, 10.0
 # slips back. After a step that had to be cut, points that slip have this fraction of the stiffness of those that stick,
 # ten times more after the next; after a full one next to nothing.
 FIRST_DAMPING, MORE_DAMPING, LESS_DAMPING = 1e-3, 10.0, 1e-2
-# Iterations go with the number of points that change between sticking and sliding: so many times more are worth while
-# with friction, where shorter steps do not need fewer; and a descent to a far minimum takes many.
-SLIDING, DESCENDING = 3, 10
+DESCENDING = 10  # so many times more iterations does a descent to a far minimum take
 # Changes of the energy below this fraction of it are rounding, not information.
 ENERGY_ROUNDING = 1e-12
 # Without load there are no reactions to compare the residual with: they count as at least this fraction of the largest
@@ -225,8 +223,6 @@ class NewtonSolver:
         evaluation = self._evaluate(u)
         correction, step, pivots, least, reused = math.inf, 0.0, None, 0.0, False
         damping, slips = 0.0, self.system.damp_slip(0.0)
-        if slips and not minimise:
-            limit *= SLIDING
         while True:
             if not evaluation.admissible:
                 return NewtonResult(False, f"inadmissible state ({evaluation.worst})", evaluation, tuple(iterations))

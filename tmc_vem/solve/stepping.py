@@ -30,11 +30,6 @@ FAR, FAR_AT_LEAST = 3.0, 1e-3
 DETOURS = (10.0, 100.0)  # by how much gamma is raised to get past a load where the branch ends
 # By how much it is raised for the rest of the path where that does not help; it is brought back at the end.
 STIFFER = (10.0, 100.0, 1000.0)
-# Order of extrapolation with friction. Where the medium slides, rates wander within what its points can do without
-# sticking. Higher orders magnify that, and points stick that have to slide: twice the iterations, and steps fail.
-SLIDING_ORDER = 1
-# Iterations go with the number of points that begin or end to stick, which shorter steps do not lessen.
-SLIDING_ITERATIONS = 40
 REMEDY = "Try a larger alpha_r or gamma, --continuation from a larger gamma, --rule triangles, or a finer medium there"
 
 
@@ -360,7 +355,7 @@ class LoadStepper:
         increment = u.duplicate()
         try:
             for order in states.orders(control):
-                if order <= (SLIDING_ORDER if self.friction.is_there else self.options.order):
+                if order <= self.options.order:
                     states.extrapolate(control, order, trial)
                     increment.waxpy(-1.0, u, trial)
                     if self.solver.is_admissible(u, increment):
@@ -465,7 +460,7 @@ class LoadStepper:
         options, taken = self.options, target - position.time
         if options.steps:
             return taken if was_cut else self._equal_size(target)
-        wanted = SLIDING_ITERATIONS if self.friction.is_there else options.target_iterations
+        wanted = options.target_iterations
         factor = options.growth if iterations < wanted else max(0.5, wanted / iterations)
         if was_cut:
             factor = min(factor, 1.0)
