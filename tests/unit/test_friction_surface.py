@@ -114,8 +114,11 @@ def test_what_faces_nothing_is_on_ground_unless_its_line_faces_something() -> No
     middle = touches & (now.surface.points_nx[:, 0] == 1.5)  # goes from (1.5, 2) to (-2, 1.75), along x and then y
     assert turned.slip_n[middle] == pytest.approx([(-3.5 - 0.25) / math.sqrt(2.0)])
     both.add(before, now, seen, touches | away)
-    assert np.isnan(both.slip_n[away]).all()
-    assert np.nanmax(np.abs(both.slip_n[touches])) == pytest.approx(0.25)
+    assert (both.slip_n[away] == 0.0).all()
+    assert (both.missed_n == away).all()
+    assert not alone.missed_n.any()
+    assert np.isnan(both.largest_of_n[away]).all()
+    assert both.largest_of_n[touches].max() == np.abs(both.slip_n[touches]).max() == pytest.approx(0.25)
 
 
 def test_bodies_that_turn_together_do_not_slip() -> None:
@@ -140,9 +143,10 @@ def test_what_is_reported_of_stations() -> None:
         "friction": 6.0, "friction_x": -6.0, "friction_y": 0.0, "apparent_coefficient": 0.4,
         "friction_coefficient": SHEAR / 15.0, "sticking": STUCK / BOUND, "slip_max": 0.5,
     })  # fmt: skip
-    slip.slip_n[on_up & (traction.surface.points_nx[:, 0] != 1.0)] = np.nan  # of some it is not known
+    slip.slip_n[on_up & (traction.surface.points_nx[:, 0] != 1.0)] = 0.75
+    slip.missed_n[:] = traction.surface.points_nx[:, 0] != 1.0  # of some it is not known
     assert measure(traction, found, slip, on_up)["slip_max"] == 0.5
-    slip.slip_n[:] = np.nan
+    slip.missed_n[:] = 2.0
     assert "slip_max" not in measure(traction, found, slip, on_up)
     pulled = measure(state(force=(3.0, -5.0)), found, slip, on_up)
     assert pulled == {"friction": 9.0, "friction_x": 9.0, "friction_y": 0.0}, (

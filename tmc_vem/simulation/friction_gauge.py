@@ -6,7 +6,7 @@ It is read while the state of friction is still that of the step, so that the sh
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,7 +120,7 @@ class FrictionGauge:
         self._before = traction
 
     def go_on(self, traction: Traction | None, slip: Sequence[Sequence[float]]) -> None:
-        """Go on from a state with its traction, and the slip (2, n) and its path there."""
+        """Go on from a state with its traction, and the slip (3, n) there as :meth:`plain_slip` has given it."""
         if traction is not None and slip:
             self._slip, self._before = Slip(*np.array(slip)), traction
 
@@ -135,8 +135,8 @@ class FrictionGauge:
         return measure(traction, found, self._slip if along_path else None, chosen)
 
     def plain_slip(self) -> list[list[float]]:
-        """The slip (2, n) and its path as plain values for a checkpoint; nothing before the first step."""
-        return [] if self._slip is None else [self._slip.slip_n.tolist(), self._slip.path_n.tolist()]
+        """The slip (3, n), its path and what was missed of it as plain values for a checkpoint; nothing at first."""
+        return [] if self._slip is None else [values.tolist() for values in astuple(self._slip)]
 
     def of_cells(self, u: Vec) -> Float:
         """(n_cells, 6) means over the deformed areas of this rank's cells: the Cauchy stress of friction, its bound,

@@ -90,25 +90,31 @@ class Slip:
     """How far stations have slipped along what they face, from the reference state on.
 
     Attributes:
-        slip_n: (n,) sum of the slips of the steps, positive in the direction of the line; not a number of stations
-            that have been in contact without facing anything, whose slip was not seen then.
+        slip_n: (n,) sum of the slips of the steps, positive in the direction of the line.
         path_n: (n,) sum of their magnitudes.
+        missed_n: (n,) in how many steps they were in contact and faced nothing, so that their slip was not seen.
     """
 
     slip_n: Float
     path_n: Float
+    missed_n: Float
+
+    @property
+    def largest_of_n(self) -> Float:
+        """(n,) magnitudes of the slips, of those that were seen all the way; not a number of others."""
+        return np.where(self.missed_n == 0.0, np.abs(self.slip_n), np.nan)
 
     @staticmethod
     def none(n: int) -> Slip:
         """Before anything moves."""
-        return Slip(np.zeros(n), np.zeros(n))
+        return Slip(np.zeros(n), np.zeros(n), np.zeros(n))
 
     def add(self, before: Traction, now: Traction, seen: Facing, touches_n: Bool) -> None:
         """A step: how much farther stations have come along the pieces that they face, from the places there that they
         face in the end.
 
         So bodies that move or turn together do not slip. Where none of a line's stations in contact faces an outline,
-        they are taken to face ground at rest; of others that face none nothing is known from then on.
+        they are taken to face ground at rest; others that face none are taken not to slip, and it is counted.
 
         Args:
             before, now: states at the beginning and at the end of the step.
@@ -119,7 +125,7 @@ class Slip:
         along_n = _along(now.points_nx, seen) - _along(before.points_nx, seen)
         moved_n = ((now.points_nx - before.points_nx) * _unit(before.tangent_ni + now.tangent_ni)).sum(axis=1)
         slip_n = np.where(faces_n, along_n, np.where(on_ground_n, moved_n, 0.0))
-        slip_n[touches_n & ~faces_n & ~on_ground_n] = np.nan
+        self.missed_n += touches_n & ~faces_n & ~on_ground_n
         self.slip_n += slip_n
         self.path_n += np.abs(slip_n)
 
@@ -164,6 +170,6 @@ def measure(traction: Traction, found: SurfaceFriction, slip: Slip | None, chose
         "friction_coefficient": float(np.abs(found.shear_n[mine]) @ weight) / pressing,
         "sticking": float(found.sticking_n[mine] @ bound) / float(bound.sum()),
     }
-    slips = np.abs(slip.slip_n[mine]) if slip is not None else np.empty(0)
+    slips = slip.largest_of_n[mine] if slip is not None else np.empty(0)
     known = slips[np.isfinite(slips)]
     return values | {"slip_max": float(known.max())} if len(known) else values
