@@ -80,7 +80,8 @@ def test_a_loop_of_stick_and_slip(whole: RunResult) -> None:
     error = whole.checks["friction_error"]
     assert error["largest"] == pytest.approx(0.11, abs=0.05)
     assert error["load"] in found
-    assert any(text.startswith("friction was 0.1") and "not 0.01" in text for text in whole.warnings)
+    (said,) = (text for text in whole.warnings if text.startswith("friction was 0.1"))
+    assert "not 0.01: take more steps" in said
 
 
 def test_friction_does_what_it_is_for(problem: Posed, tmp_path: Path, whole: RunResult) -> None:
@@ -152,7 +153,10 @@ def test_each_gamma_goes_the_whole_path(with_limit: tuple[Posed, RunResult], tmp
     assert found.limit.newton_iterations > 2 * sum(record.iterations for record in found.lowered)
     plain = run(given, None, replace(options, extrapolate_gamma=False))
     assert numbers(plain) == numbers(replace(found, lowered=()))
+    lowered = found.checks.pop("friction_error_lowered")
     assert found.checks == plain.checks
+    assert 0.01 < lowered["largest"] < 0.5
+    assert any(text.startswith("with lower gamma friction was up to") for text in found.warnings)
 
 
 @pytest.mark.slow
@@ -238,11 +242,14 @@ def test_what_goes_along_a_path_with_friction(tmp_path: Path) -> None:
     stepper, repeats = simulation._stepper(SimpleNamespace(), SimpleNamespace())  # type: ignore[arg-type]
     assert isinstance(stepper, LoadStepper)
     assert stepper.soften == {}  # no detour over a stiffer medium
-    assert stepper.friction == FrictionSteps(simulation.system, 0.02, simulation.path.end)
+    assert stepper.friction == FrictionSteps(simulation.system, 0.02)
     assert (stepper.options.target_iterations, stepper.solver.options.max_iterations) == (40, 60)
     assert isinstance(repeats, Repeats)
     again = repeats._stepper(0.1)
-    assert (again.options, again.friction, again.jumps) == (stepper.options, stepper.friction, False)
+    assert (again.friction, again.jumps) == (stepper.friction, False)
+    first, smallest = (0.1 * each for each in (stepper.options.first, stepper.options.smallest))
+    assert again.options == replace(stepper.options, first=first, smallest=smallest)
+    assert repeats._stepper(1e-6).options.first == pytest.approx(1e-4 * stepper.options.first)
     assert [corner.load for corner in again.path.corners] == [0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 2.0, 3.0]
     assert [corner.parameters["gamma"] for corner in again.path.corners] == pytest.approx([1e-6] * 8)
     simulation.recorder.history.append(SimpleNamespace(step=3, jumped=True))  # type: ignore[arg-type]

@@ -252,15 +252,16 @@ def test_what_a_step_is_compared_with() -> None:
     ],
 )  # fmt: skip
 def test_how_a_step_is_shortened(ratio: float, taken: float, wanted: float | None) -> None:
-    assert FrictionSteps(None, 0.02).shortened(ratio, taken) == (None if wanted is None else pytest.approx(wanted))
+    assert FrictionSteps(None, 0.02).shortened(ratio, taken, 1.0) == (None if wanted is None else pytest.approx(wanted))
 
 
-def test_the_shortest_step_is_a_part_of_a_short_path() -> None:
-    steps = FrictionSteps(None, 0.02, 0.5)
-    assert steps.shortened(100.0, 0.0015) == pytest.approx(0.001)
-    assert steps.shortened(100.0, 0.0013) is None
-    assert steps.largest_next(100.0, 0.01) == pytest.approx(0.001)
-    assert FrictionSteps(None, 0.02, 3.0).largest_next(100.0, 0.01) == pytest.approx(0.002), "not more than of time 1"
+def test_the_shortest_step_is_a_part_of_a_short_leg() -> None:
+    steps = FrictionSteps(None, 0.02)
+    assert steps.shortened(100.0, 0.0015, 0.5) == pytest.approx(0.001)
+    assert steps.shortened(100.0, 0.0013, 0.5) is None
+    assert steps.largest_next(100.0, 0.01, 0.5) == pytest.approx(0.001)
+    assert steps.largest_next(100.0, 0.01, 3.0) == pytest.approx(0.002), "not more than of a leg of 1"
+    assert FrictionSteps(None, 1e-6).largest_next(100.0, 1e-6, 1.0) == pytest.approx(4e-5), "as Newton's may be halved"
 
 
 def test_the_shortest_step_may_be_stretched_to_a_stop(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -273,16 +274,17 @@ def test_the_shortest_step_may_be_stretched_to_a_stop(monkeypatch: pytest.Monkey
         return Lag(1.0, 1.0)
 
     monkeypatch.setattr(OfSlider, "lag", lag)
-    result, _ = slide(Slider(), 0.0, 0.0022)
+    result, seen = slide(Slider(), 0.0, 1.0, error=0.46)  # the shortest is 0.046, and the last is longer
     assert result.complete
+    assert seen[-1][0].time - seen[-2][0].time > 0.046 * (1.0 + 1e-6)
 
 
 def test_how_long_the_next_step_may_be() -> None:
     steps = FrictionSteps(None, 0.02)
-    assert steps.largest_next(0.0, 0.1) == math.inf
-    assert steps.largest_next(0.4, 0.1) == pytest.approx(0.2)
-    assert steps.largest_next(1.6, 0.1) == pytest.approx(0.05)
-    assert steps.largest_next(100.0, 0.005) == pytest.approx(0.002)
+    assert steps.largest_next(0.0, 0.1, 1.0) == math.inf
+    assert steps.largest_next(0.4, 0.1, 1.0) == pytest.approx(0.2)
+    assert steps.largest_next(1.6, 0.1, 1.0) == pytest.approx(0.05)
+    assert steps.largest_next(100.0, 0.005, 1.0) == pytest.approx(0.002)
 
 
 def test_what_is_remembered_of_all_steps() -> None:

@@ -116,6 +116,7 @@ def loops(runs: Runs) -> list[Picture]:
         column = f"{load}." if load else ""
         one.set_xlabel(label(with_unit(f"{column}displacement", rubbing, f"{column}displacement")))
         one.set_ylabel(label(with_unit(f"{column}reaction", rubbing, f"{column}reaction")))
+        one.locator_params(axis="x", nbins=5)
     if len(rubbing) > 1:
         axes[0].legend(fontsize=8, frameon=False)
     return [picture(figure, "loops", "Reactions against displacements, there and back.")]

@@ -206,7 +206,7 @@ def limits_of(
         if why_not:
             made = withheld(why_not, of_all)
         elif name.rpartition(OF)[2] == WORK:
-            made = withheld("it is summed along the path, which was gone through with the first gamma", of_all)
+            made = withheld("it is summed along the path, and known of the first gamma alone", of_all)
         else:
             made = estimate(values)
         found[name] = _limit_value(made, at)

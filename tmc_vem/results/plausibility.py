@@ -146,11 +146,23 @@ def friction_behind(evidence: Evidence) -> Iterable[Finding]:
     """A step in which friction was farther behind than was asked for."""
     found, wanted = evidence.checks.get("friction_error"), evidence.inputs.get("friction_error")
     if found and wanted and found["largest"] > wanted * (1.0 + SAME):
-        remedy = "take more steps" if evidence.inputs.get("steps") else "take a smaller friction_error, or equal steps"
+        equal = evidence.inputs.get("load_steps")
+        remedy = "take more steps" if equal else "take a smaller friction_error, or more equal steps of --steps"
         yield Finding(
             WARNING,
             f"friction was {found['largest']:.2g} of the largest friction behind in the step to load "
             f"{found['load']:.4g}, not {wanted:g}: {remedy}",
+        )
+
+
+def friction_behind_below(evidence: Evidence) -> Iterable[Finding]:
+    """The same with lower gamma, from which limits are made."""
+    found, wanted = evidence.checks.get("friction_error_lowered"), evidence.inputs.get("friction_error")
+    if found and wanted and found["largest"] > wanted * (1.0 + SAME):
+        yield Finding(
+            WARNING,
+            f"with lower gamma friction was up to {found['largest']:.2g} of the largest friction behind in a step, not "
+            f"{wanted:g}: limits are that uncertain as well",
         )
 
 
@@ -290,6 +302,7 @@ def limit_findings(limit: GammaLimit) -> list[Finding]:
 RULES: tuple[Rule, ...] = (
     overlap, other_parameters, instability, jumps, medium_before_contact, medium_in_contact, stiffer_medium, inverted,
     jacobians, parasitic_friction, large_gamma, friction_behind,
+    friction_behind_below,
 )  # fmt: skip
 
 

@@ -54,11 +54,13 @@ class Lowered:
         records: states in the order in which they were found; ``limit_of`` is the load step of each.
         done: for each load step from which gamma was lowered to the end, or as far as possible, why not further.
         failed_iterations: of Newton's method in steps of descents that have failed for good, or are not recorded.
+        friction_error: the largest with any lower gamma, in problems with friction.
     """
 
     records: list[StepRecord] = field(default_factory=list)
     done: dict[int, str] = field(default_factory=dict)
     failed_iterations: int = 0
+    friction_error: float = 0.0
 
     def end(self, start: int, records: Sequence[StepRecord], why: str, iterations: int) -> None:
         """A descent has ended.
@@ -93,7 +95,11 @@ class Lowered:
         """What a checkpoint has."""
         records = [StepRecord.from_plain(entry) for entry in facts["records"]]
         done = {int(start): str(why) for start, why in facts["done"]}
-        return Lowered(records, done, facts["failed_iterations"])
+        return Lowered(records, done, facts["failed_iterations"], facts.get("friction_error", 0.0))
+
+    def friction_checks(self) -> dict[str, dict[str, float]]:
+        """What a result says about friction with lower gamma; nothing without."""
+        return {"friction_error_lowered": {"largest": self.friction_error}} if self.friction_error > 0.0 else {}
 
 
 def stepper_state(facts: Mapping[str, Any]) -> StepperState:

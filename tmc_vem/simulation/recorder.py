@@ -134,6 +134,7 @@ class Recorder:
                 record, _ = self._measure(step, states.vectors[-1], along_path=False)
                 records = [*records, replace(record, time=start.time, limit_of=start.step)]
         self.descending = Descending(start.step, records, states, position, iterations)
+        self.lowered.friction_error = max(self.lowered.friction_error, position.friction.error)
         if self._every and step.number % self._every == 0:
             self._write_checkpoint()
         if not passed:
@@ -328,7 +329,7 @@ class Recorder:
             if fields is not None:
                 contact = check_contact(fields, self._order)
                 checks |= {**contact.as_dict(), "summary": contact.summary()}
-            checks = self.system.comm.bcast(checks) | outcome.friction.checks()
+            checks = self.system.comm.bcast(checks) | outcome.friction.checks() | self.lowered.friction_checks()
         if fields is not None and self.directory is not None:
             with self.timer("picture"):
                 self._draw(fields, self.directory.path / PICTURE)

@@ -7,7 +7,7 @@ recorded.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.point_values import PointValues
 
 Float = NDArray[np.float64]
+
+SMALLEST_FIRST = 1e-4  # part of the problem's first step that the first one with a lower gamma is at least
 
 
 @dataclass
@@ -121,8 +123,11 @@ class Repeats:
         def on_step(step: Step, states: States, position: StepperState) -> None:
             self.recorder.record_lowered(step, states, position, passed=position.time < path.end - DONE)
 
+        # what is open and pressed by a force gives way as one over gamma
+        small = max(factor, SMALLEST_FIRST)
+        stepping = replace(self.stepping, first=small * self.stepping.first, smallest=small * self.stepping.smallest)
         return LoadStepper(
-            self.solver, self.stepping, on_step, path, on_iteration=self.on_iteration, jumps=False,
+            self.solver, stepping, on_step, path, on_iteration=self.on_iteration, jumps=False,
             friction=self.friction,
         )  # fmt: skip
 

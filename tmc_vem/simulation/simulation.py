@@ -311,7 +311,7 @@ class Simulation:
             stop.check()
             budget.spend()
 
-        friction = friction_steps(self.problem, self.system, self.options, self.path.end)
+        friction = friction_steps(self.problem, self.system, self.options)
         descents: Descents | Repeats | None = None
         if self.lowering is not None and friction.is_there:
             descents = Repeats(
@@ -369,11 +369,11 @@ def stepping_of(options: RunOptions, *, friction: bool = False) -> SteppingOptio
     )
 
 
-def friction_steps(problem: Problem, system: Discretisation, options: RunOptions, length: float) -> FrictionSteps:
+def friction_steps(problem: Problem, system: Discretisation, options: RunOptions) -> FrictionSteps:
     """What the load stepper asks about friction."""
     from tmc_vem.solve.friction_steps import FrictionSteps
 
-    return FrictionSteps(system if with_friction(problem) else None, options.friction_error, length)
+    return FrictionSteps(system if with_friction(problem) else None, options.friction_error)
 
 
 def arc_of(options: RunOptions) -> ArcOptions:

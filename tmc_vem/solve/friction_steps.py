@@ -73,12 +73,10 @@ class FrictionSteps:
     Attributes:
         system: that has it; None without friction, of which there is nothing to be said then.
         error: tolerated in a step, relative to the largest friction so far.
-        length: of the path, which the shortest steps are a part of.
     """
 
     system: Discretisation | None = None
     error: float = FRICTION_ERROR
-    length: float = 1.0
 
     @property
     def is_there(self) -> bool:
@@ -111,18 +109,17 @@ class FrictionSteps:
         largest = max(step.carried, before.carried)
         return step.behind / (self.error * largest) if largest > 0.0 else 0.0
 
-    def shortened(self, ratio: float, taken: float) -> float | None:
-        """Size of a step instead of one that was too long for friction; None if it was not."""
-        shortest = self._shortest
+    def shortened(self, ratio: float, taken: float, leg: float) -> float | None:
+        """Size of a step instead of one that was too long for friction, on a leg of the path; None if it was not."""
+        shortest = self._shortest(leg)
         if ratio <= 1.0 or taken <= STRETCHED * shortest * (1.0 + ROUNDING):
             return None
         return max(taken * min(max(AIM / ratio, LEAST), MOST), shortest)
 
-    def largest_next(self, ratio: float, taken: float) -> float:
-        """The largest step after one with this error."""
-        return max(taken * AIM / ratio, self._shortest) if ratio > 0.0 else np.inf
+    def largest_next(self, ratio: float, taken: float, leg: float) -> float:
+        """The largest step after one with this error, on a leg of the path."""
+        return max(taken * AIM / ratio, self._shortest(leg)) if ratio > 0.0 else np.inf
 
-    @property
-    def _shortest(self) -> float:
-        """Step that is not cut any more because of friction."""
-        return max(SHORTEST * self.error * min(self.length, 1.0), SMALLEST)
+    def _shortest(self, leg: float) -> float:
+        """Step that is not cut any more because of friction, on a leg of this length."""
+        return max(SHORTEST * self.error, SMALLEST) * min(leg, 1.0)

@@ -121,6 +121,11 @@ class ControlPath:
         """Whether the path may turn at a time."""
         return bool(np.abs(self.times - time).min() <= CLOSE)
 
+    def length_of_leg(self, time: float) -> float:
+        """How long the leg is that a time belongs to."""
+        leg = self.leg(time)
+        return float(self.times[leg + 1] - self.times[leg])
+
     def start_of_leg(self, time: float) -> float:
         """Time at which the leg began that a time belongs to."""
         return float(self.times[self.leg(time)])

@@ -259,7 +259,8 @@ class LoadStepper:
                     result = other.result
                 lag = self.friction.lag(begun, trial)
                 error = self.friction.ratio(lag, position.friction)
-                shorter = self.friction.shortened(error, target - position.time)
+                leg = self.path.length_of_leg(position.time)
+                shorter = self.friction.shortened(error, target - position.time, leg)
                 if shorter is not None and not (jumped or self.options.steps):
                     cut_backs, position = cut_backs + 1, replace(position, size=shorter)
                     continue
@@ -274,7 +275,7 @@ class LoadStepper:
                     states.forget()  # nor across a kink of what is prescribed, or back along a way with friction
                 size = self._next_size(position, target, len(result.iterations), cut_backs > 0 and not jumped)
                 if not self.options.steps:
-                    size = min(size, self.friction.largest_next(error, target - position.time))
+                    size = min(size, self.friction.largest_next(error, target - position.time, leg))
                 behind = position.friction.with_step(lag, self.path.at(target).load)
                 position = replace(position, time=target, size=size, number=position.number + 1, friction=behind)
                 position = replace(position, shift=self.solver.last_shift)

@@ -62,7 +62,7 @@ class SlipSystem:
             dg=dg,
             energy=tau * dg - 0.5 * compliance * change**2,
             stored=0.5 * compliance * tau**2,
-            dissipated=tau * (dg - compliance * change),
+            dissipated=np.maximum(0.0, tau * (dg - compliance * change)),  # below it is rounding
             sticks=np.abs(trial) < self.bound,
         )
 
