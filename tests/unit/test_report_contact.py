@@ -53,7 +53,7 @@ def test_squares_apart():
     assert not report.interpenetrates
     assert report.contact_nodes == 0
     assert report.smallest_gap is None
-    assert report.summary() == "no interpenetration, no contact"
+    assert report.summary() == "no interpenetration, no solids in contact"
 
 
 def test_gap_of_squares_that_nearly_touch():

@@ -97,7 +97,7 @@ class ContactReport:
         else:
             state = "no interpenetration"
         if not self.contact_nodes:
-            return f"{state}, no contact"
+            return f"{state}, no solids in contact"
         return (
             f"{state}; gap {self.smallest_gap:.3e} to {self.largest_gap:.3e} at {self.contact_nodes} nodes in contact"
         )
