@@ -181,7 +181,7 @@ def draw(runs: dict[tuple[float, str], Found], path: Path) -> None:
     figure = Figure(figsize=(6.4, 4.2), layout="constrained")
     axes = figure.subplots()
     bar = Bar()
-    u = bar.farthest * np.sin(np.linspace(-0.5 * math.pi, 0.5 * math.pi, 200))
+    u = bar.farthest * np.sin(np.linspace(-0.5 * math.pi, 0.5 * math.pi, 201))
     known = "analytic"
     for x, force in ((u[u >= 0.0], bar.pulled(u[u >= 0.0])), (u, bar.let_back(u)), (u, -bar.let_back(-u))):
         axes.plot(x / bar.farthest, force / bar.force, "k-", linewidth=0.9, label=known)
