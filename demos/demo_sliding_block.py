@@ -18,7 +18,7 @@ the block were rigid and stuck without any elastic slip; both take a part of the
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +51,35 @@ def ratios(result: RunResult) -> tuple[Float, Float, Float]:
     place, force = (np.array([step.forces["slide"][name] for step in steps]) for name in ("displacement", "reaction"))
     stretch = np.array([step.probes["squeezed"] for step in steps])
     return place, force / FORCE, force / FORCE - parasitic(stretch, place / WIDTH)
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Where the block turns.
+
+    Attributes:
+        place: of its side.
+        plain, ratio: pulling force over N, with and without the part that the medium has without friction.
+        sign: of the direction in which it has slid.
+    """
+
+    place: float
+    plain: float
+    ratio: float
+    sign: float
+
+    def error(self, friction: float) -> float:
+        """Its force over that of Coulomb, less 1."""
+        return self.sign * self.ratio / friction - 1.0
+
+
+def at_turns(result: RunResult) -> list[Turn]:
+    """To the right, to the left, and to the right again."""
+    place, plain, ratio = ratios(result)
+    times = np.array([step.load for step in result.history if step.load >= 1.0])
+    at = [int(np.argmin(abs(times - time))) for time in TURNS]
+    return [Turn(float(place[n]), float(plain[n]), float(ratio[n]), sign)
+            for n, sign in zip(at, (1.0, -1.0, 1.0), strict=True)]  # fmt: skip
 
 
 def cycle_work(place: Float, ratio: Float) -> float:
@@ -100,15 +129,14 @@ def main() -> None:
     for heading in ("friction", "at", "ratio", "parasitic", "to friction", "cycle", "rigid"):
         table.add_column(heading, justify="right", no_wrap=True)
     for friction, result in results.items():
-        place, plain, ratio = ratios(result)
-        times = np.array([step.load for step in result.history if step.load >= 1.0])
-        for time, sign in zip(TURNS, (1.0, -1.0, 1.0), strict=True):
-            at = int(np.argmin(abs(times - time)))
-            error = sign * ratio[at] / friction - 1.0
-            work = f"{cycle_work(place, ratio):.5f}" if time == TURNS[-1] else ""
-            table.add_row(f"{friction:g}", f"{place[at]:+.3f}", f"{plain[at]:+.4f}", f"{plain[at] - ratio[at]:+.4f}",
+        place, _, ratio = ratios(result)
+        for n, turn in enumerate(at_turns(result)):
+            error = turn.error(friction)
+            work = f"{cycle_work(place, ratio):.5f}" if n == len(TURNS) - 1 else ""
+            medium = f"{turn.plain - turn.ratio:+.4f}"
+            table.add_row(f"{friction:g}", f"{turn.place:+.3f}", f"{turn.plain:+.4f}", medium,
                           f"{error:+.1%}", work, f"{4.0 * friction * SLIDE:.5f}" if work else "")  # fmt: skip
-            assert abs(error) < 0.02, f"the block slides at {ratio[at]:.4f} N, at {friction:g} N by Coulomb"
+            assert abs(error) < 0.02, f"the block slides at {turn.ratio:.4f} N, at {friction:g} N by Coulomb"
     draw(results, options.out / "sliding_block.png")
     console = Console()
     console.print(table)

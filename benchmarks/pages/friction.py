@@ -1,12 +1,13 @@
-"""Blocks of docs/friction.md."""
+"""Blocks of docs/friction.md, and friction in docs/guide/verification.md."""
 
 from __future__ import annotations
 
 import friction_block
+import friction_demos
 import friction_scheme
 
 from pages.block import Block
-from pages.runs import Measure, table
+from pages.runs import Measure, percent, table
 
 
 def scheme(measure: Measure) -> str:
@@ -31,9 +32,69 @@ def block(measure: Measure) -> str:
     return table(head, rows)
 
 
+COEFFICIENTS = (0.3, 0.6)
+CELLS = {"quadrilaterals": "quadrilaterals", "voronoi": "Voronoi cells"}
+GAMMAS = (1e-5, 1e-6)  # of the line contact
+
+
+def sliding(measure: Measure) -> str:
+    """Errors of the force at which a block slides."""
+    rows = []
+    for coefficient in COEFFICIENTS:
+        errors = measure(friction_demos.block, coefficient)
+        rows.append([f"{coefficient:g}", *(percent(error, 1) for error in errors)])
+    return table(("friction", "to the right", "to the left", "to the right again"), rows)
+
+
+def bar(measure: Measure) -> str:
+    """Differences of a bar with shear lag to the analytic forces."""
+    return _bar(measure, 1e-5)
+
+
+def thin_bar(measure: Measure) -> str:
+    """The same of a thinner bar that is pulled less far."""
+    return _bar(measure, 1e-6)
+
+
+def _bar(measure: Measure, gamma: float) -> str:
+    rows = []
+    for cells, title in CELLS.items():
+        found = measure(friction_demos.bar, gamma, cells)
+        rows.append([f"{gamma:.0e}", title, percent(found["at_turn"], 1),
+                     *(f"{100.0 * found[name]:.1f} %" for name in ("loading", "unloading", "all_the_way_back")),
+                     percent(found["energy"], 1)])  # fmt: skip
+    head = (
+        "gamma",
+        "cells",
+        "at $u_m$",
+        "pulled, at most",
+        "let back, at most from $u_m/2$ on",
+        "right after the turn, too",
+        "energy of a cycle",
+    )
+    return table(head, rows)
+
+
+def partial_slip(measure: Measure) -> str:
+    """Differences of a line contact to Hertz, Cattaneo and Mindlin."""
+    rows = []
+    for gamma in GAMMAS:
+        found = measure(friction_demos.cattaneo, gamma)
+        rows.append([f"{gamma:.0e}", percent(found["contact"], 1), f"{found['ratio']:.3f}", percent(found["stick"], 1)])
+    head = ("gamma", "half width of contact", "stick zone's over it, analytic", "half width of the stick zone")
+    return table(head, rows)
+
+
 def _percent(share: float) -> str:
     """A share with two digits; what is exact but for rounding is 0."""
     return "0" if share < 1e-10 else f"{100.0 * share:.2g} %"
 
 
-BLOCKS = (Block("friction-scheme", "seconds", scheme), Block("friction-block", "minutes", block))
+BLOCKS = (
+    Block("friction-scheme", "seconds", scheme),
+    Block("friction-block", "minutes", block),
+    Block("verification-sliding", "minutes", sliding),
+    Block("verification-bar", "minutes", bar),
+    Block("verification-thin-bar", "minutes", thin_bar),
+    Block("verification-cattaneo", "minutes", partial_slip),
+)

@@ -14,7 +14,7 @@ from tmc_vem.support.errors import InputError
 START = time.time()  # what is imported later is what is on disk later
 ROOT = Path(__file__).resolve().parents[2]
 PLACES = (ROOT, ROOT / "benchmarks", ROOT / "tests", ROOT / "tests" / "fem", ROOT / "tests" / "unit", ROOT / "demos")
-NO_MODULES = (".c", ".h", ".petsc", ".csv")  # read by modules of the same package
+NO_MODULES = (".c", ".h", ".petsc", ".csv", ".toml")  # read by modules of the same package
 
 
 def digest(path: Path) -> str:

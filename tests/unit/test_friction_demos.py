@@ -12,13 +12,17 @@ import numpy as np
 import pytest
 
 from tmc_vem.energy import densities
+from tmc_vem.simulation.problem_file import read_problem
 
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 sys.path.insert(0, str(Path(__file__).parents[2] / "demos"))
 
 import demo_cattaneo as cattaneo
 import demo_shear_lag as shear_lag
 import demo_sliding_block as sliding_block
+from pages import friction, sources
 
+ROOT = Path(__file__).parents[2]
 TINY = 1e-30
 
 
@@ -60,43 +64,77 @@ def test_a_block_is_compared_without_the_part_of_the_medium_and_over_its_last_cy
     assert sliding_block.cycle_work(found_place, found) == pytest.approx(4 * 0.3 * 0.02)
 
 
+def test_a_block_is_compared_where_it_turns() -> None:
+    place = np.array([0.0, 0.01, 0.0, -0.01, 0.0, 0.01])
+    ratio = np.array([0.0, 0.303, 0.1, -0.306, -0.2, 0.291])
+    part = sliding_block.parasitic(0.01, place / 0.05)
+    result = history([1, 2, 3, 4, 5, 6], "slide", place, 0.1 * (ratio + part), [{"squeezed": 0.01}] * 6)
+    turns = sliding_block.at_turns(result)
+    assert [turn.place for turn in turns] == [0.01, -0.01, 0.01]
+    assert [turn.error(0.3) for turn in turns] == pytest.approx([0.01, 0.02, -0.03])
+    assert [turn.plain - turn.ratio for turn in turns] == pytest.approx(part[[1, 3, 5]])
+
+
 # ---- Bar -------------------------------------------------------------------------------------------------------------
 
 
-def test_forces_of_a_bar_are_those_of_its_strains() -> None:
+BAR = shear_lag.Bar()
+
+
+@pytest.mark.parametrize("bar", shear_lag.BARS.values(), ids=str)
+def test_forces_of_a_bar_are_those_of_its_strains(bar: shear_lag.Bar) -> None:
     """The force falls by t per length from the end on; after the turn it rises by t where it slides backwards."""
-    x = np.linspace(0.0, shear_lag.LENGTH, 40001)
-    t, stiffness = shear_lag.FRICTION * shear_lag.PRESSURE, shear_lag.YOUNG * shear_lag.HEIGHT
+    x = np.linspace(0.0, bar.length, 40001)
+    t, stiffness = shear_lag.FRICTION * shear_lag.PRESSURE, bar.young * bar.height
 
     def extension(force: np.ndarray) -> float:
         return float((0.5 * (force[1:] + force[:-1]) * np.diff(x)).sum()) / stiffness
 
-    first = np.maximum(shear_lag.FORCE - t * x, 0.0)
-    assert extension(first) == pytest.approx(shear_lag.FARTHEST, rel=1e-6)
-    assert shear_lag.pulled(np.array([shear_lag.FARTHEST]))[0] == pytest.approx(shear_lag.FORCE)
-    for force in (0.5 * shear_lag.FORCE, 0.0, -0.7 * shear_lag.FORCE):
+    first = np.maximum(bar.force - t * x, 0.0)
+    assert first[-1] == 0.0  # its other end stands still
+    assert extension(first) == pytest.approx(bar.farthest, rel=1e-6)
+    assert bar.pulled(np.array([bar.farthest]))[0] == pytest.approx(bar.force)
+    for force in (0.5 * bar.force, 0.0, -0.7 * bar.force):
         u = extension(np.minimum(first, force + t * x))
-        assert shear_lag.let_back(np.array([u]))[0] == pytest.approx(force, abs=1e-6)
-    ends = shear_lag.let_back(np.array([0.5, -1.0]) * shear_lag.FARTHEST)
-    np.testing.assert_allclose(ends, [0.0, -shear_lag.FORCE], atol=1e-15)
+        assert bar.let_back(np.array([u]))[0] == pytest.approx(force, abs=1e-6)
+    ends = bar.let_back(np.array([0.5, -1.0]) * bar.farthest)
+    np.testing.assert_allclose(ends, [0.0, -bar.force], atol=1e-15)
 
 
-def bar(error: float = 0.0) -> shear_lag.Found:
+def test_the_problem_file_is_that_of_the_first_bar() -> None:
+    same, _ = read_problem(shear_lag.PROBLEM, BAR.changes(0.05, "quadrilaterals"))
+    assert same.table == read_problem(shear_lag.PROBLEM)[0].table
+
+
+def test_the_layer_has_two_rows_of_voronoi_cells_below_a_shorter_bar() -> None:
+    bar = shear_lag.BARS[1e-6]
+    changes = bar.changes(0.05, "voronoi")
+    problem, _ = read_problem(shear_lag.PROBLEM, changes)
+    mesh = problem.make_mesh()
+    points = mesh.points_vx
+    np.testing.assert_allclose(points.max(axis=0), [bar.length, shear_lag.GAP + bar.height])
+    assert changes["mesh.size"] == 2 * changes["mesh.refine"][0]["size"] == 0.05
+    assert changes["regions.medium.medium.elastic_slip"] == 0.1
+    assert changes["load.pull.ux"] == bar.farthest
+
+
+def cycle(error: float = 0.0) -> shear_lag.Found:
     """A cycle with the analytic forces, up to a part of F_m that is added on the way back."""
-    rise = shear_lag.FARTHEST * np.linspace(0.0, 1.0, 400) ** 2
-    back = shear_lag.FARTHEST * np.cos(np.linspace(0.0, math.pi, 400))[1:]
-    down = shear_lag.let_back(back) + error * shear_lag.FORCE
-    forces = np.concatenate([shear_lag.pulled(rise), down, -shear_lag.let_back(back)])
+    rise = BAR.farthest * np.linspace(0.0, 1.0, 400) ** 2
+    back = BAR.farthest * np.cos(np.linspace(0.0, math.pi, 400))[1:]
+    down = BAR.let_back(back) + error * BAR.force * np.where(back > 0.5 * BAR.farthest, 2.0, 1.0)
+    forces = np.concatenate([BAR.pulled(rise), down, -BAR.let_back(back)])
     times = np.concatenate([1.0 + np.linspace(0.0, 1.0, 400), np.linspace(2.0, 6.0, 799)[1:]])
-    return shear_lag.Found.of(history([0.5, *times], "pull", [9.0, *rise, *back, *-back], [9.0, *forces]))
+    return shear_lag.Found.of(BAR, history([0.5, *times], "pull", [9.0, *rise, *back, *-back], [9.0, *forces]))
 
 
 def test_a_bar_is_compared_branch_by_branch() -> None:
-    exact, off = bar(), bar(0.03)
-    assert max(exact.loading, abs(exact.at_turn), exact.unloading, off.loading) < 1e-12
+    exact, off = cycle(), cycle(0.03)
+    assert max(exact.loading, abs(exact.at_turn), exact.unloading, exact.all_the_way_back, off.loading) < 1e-12
     assert abs(exact.energy) < 1e-3
     assert off.unloading == pytest.approx(0.03)
-    lost = 0.03 * shear_lag.FORCE * 2 * shear_lag.FARTHEST / shear_lag.cycle_energy()
+    assert off.all_the_way_back == pytest.approx(0.06)
+    lost = 0.03 * BAR.force * (2.0 + 0.5) * BAR.farthest / BAR.cycle_energy
     assert off.energy - exact.energy == pytest.approx(-lost, rel=0.01)
 
 
@@ -123,3 +161,30 @@ def test_widths_are_those_of_the_pressures_that_fit() -> None:
     found = cattaneo.Found(x, contact.pressure(x), contact.shear(x), np.full(41, 0.005), contact)
     assert found.width == pytest.approx(contact.half_width, rel=1e-9)
     assert found.stick == pytest.approx(contact.stick, rel=1e-9)
+
+
+# ---- Their numbers in the documentation ------------------------------------------------------------------------------
+
+
+def test_blocks_of_the_page_are_measured_and_rounded() -> None:
+    asked = []
+
+    def measure(function: Any, *arguments: Any, **named: Any) -> Any:
+        asked.append((function.__name__, *arguments))
+        found = {"at_turn": 0.0031, "loading": 0.021, "unloading": 0.032, "all_the_way_back": 0.08, "energy": -0.041}
+        line = {"contact": -0.004, "stick": -0.0132, "ratio": 0.6124}
+        return {"block": [-0.002, 0.0, 0.004], "bar": found, "cattaneo": line}[function.__name__]
+
+    assert friction.sliding(measure).splitlines()[-1] == "| 0.6 | -0.2 % | +0.0 % | +0.4 % |"
+    row = "| +0.3 % | 2.1 % | 3.2 % | 8.0 % | -4.1 % |"
+    assert friction.bar(measure).splitlines()[2:] == [
+        f"| 1e-05 | quadrilaterals {row}", f"| 1e-05 | Voronoi cells {row}"
+    ]  # fmt: skip
+    assert friction.thin_bar(measure).splitlines()[2] == f"| 1e-06 | quadrilaterals {row}"
+    assert friction.partial_slip(measure).splitlines()[-1] == "| 1e-06 | -0.4 % | 0.612 | -1.3 % |"
+    assert ("bar", 1e-6, "voronoi") in asked
+    assert ("block", 0.3) in asked
+
+
+def test_numbers_of_a_demo_are_out_of_date_when_its_problem_file_changes() -> None:
+    assert shear_lag.PROBLEM in sources.dependencies(ROOT / "benchmarks" / "friction_demos.py")
