@@ -110,7 +110,7 @@ def test_the_defaults_of_a_run() -> None:
         friction_error=0.01,
     )  # fmt: skip
     assert simulation.stepping_of(RunOptions(steps=7), friction=True) == SteppingOptions(
-        steps=7, largest=0.1, first=0.01, smallest=1e-5, target_iterations=16
+        steps=7, largest=0.1, first=0.01, smallest=1e-5, target_iterations=40, order=1
     )
     assert simulation.stepping_of(RunOptions(steps=7)) == SteppingOptions(
         steps=7, largest=0.1, first=0.01, smallest=1e-5
