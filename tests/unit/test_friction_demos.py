@@ -147,15 +147,16 @@ def test_an_arm_is_a_cantilever_that_buckles() -> None:
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_two_arms_on_each_other_push_a_nose_up_a_wedge(friction: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    depth = 0.2
+    reach, depth = 0.15, 0.2
     monkeypatch.setattr(snap_fit, "HEIGHTS", (0.5, 0.5))
-    monkeypatch.setattr(snap_fit, "FACE", (snap_fit.ENDS, 0.5 - depth))
+    monkeypatch.setattr(snap_fit, "FACE", (snap_fit.ENDS + reach, 0.5 - depth))
     length, bending, shear, axial = beam()
     push, ramp = 1e-6, math.tan(math.pi / 6.0)
     tilt = math.tan(math.pi / 6.0 + math.atan(friction))
-    turn = push * (length**2 / 2.0 - depth * length * tilt) / (2.0 * bending)
-    rise = push * (length**3 / 3.0 - depth * length**2 / 2.0 * tilt) / (2.0 * bending) + push * length / (2.0 * shear)
-    way = rise / ramp - depth * turn + push * tilt * length / (2.0 * axial)
+    moment = push * (reach - depth * tilt)
+    turn = (push * length**2 / 2.0 + moment * length) / (2.0 * bending)
+    rise = (push * length**3 / 3.0 + moment * length**2 / 2.0) / (2.0 * bending) + push * length / (2.0 * shear)
+    way = (rise + reach * turn) / ramp - depth * turn + push * tilt * length / (2.0 * axial)
     u, force = snap_fit.insertion(push, friction)
     assert u - 0.1 == pytest.approx(way, rel=1e-4)
     assert force == pytest.approx(push * tilt, rel=1e-12)
