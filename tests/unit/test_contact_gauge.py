@@ -23,7 +23,7 @@ from tmc_vem.vem.spaces.element_settings import ElementSettings
 
 DEMOS = sorted((Path(__file__).parents[2] / "demos" / "problems").glob("*.toml"))
 # With the slow tests: the meshes of the first three alone take seconds, and first steps of the others many iterations.
-DEAR = ("gripper", "seal", "pneumatic", "shear_lag", "sliding_block")
+DEAR = ("gripper", "seal", "pneumatic", "shear_lag", "sliding_block", "snap_fit")
 NEWTON = 1e-9  # of the largest force
 
 KINDS = {

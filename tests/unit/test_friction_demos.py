@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "demos"))
 import demo_cattaneo as cattaneo
 import demo_shear_lag as shear_lag
 import demo_sliding_block as sliding_block
+import demo_snap_fit as snap_fit
 from pages import friction, sources
 
 ROOT = Path(__file__).parents[2]
@@ -188,3 +189,58 @@ def test_blocks_of_the_page_are_measured_and_rounded() -> None:
 
 def test_numbers_of_a_demo_are_out_of_date_when_its_problem_file_changes() -> None:
     assert shear_lag.PROBLEM in sources.dependencies(ROOT / "benchmarks" / "friction_demos.py")
+
+
+# ---- Snap-fit --------------------------------------------------------------------------------------------------------
+
+
+def beam() -> tuple[float, float, float, float]:
+    """Length, bending, shear and axial stiffness of an arm."""
+    modulus, thickness = snap_fit.YOUNG / 0.91, snap_fit.THICKNESS
+    return snap_fit.LENGTH, modulus * thickness**3 / 12.0, snap_fit.YOUNG / 3.12 * thickness, modulus * thickness
+
+
+def test_an_arm_is_a_cantilever_that_buckles() -> None:
+    length, bending, shear, axial = beam()
+    gives = np.array([[length**3 / 3.0 / bending + length / shear, length**2 / 2.0 / bending], [0.0, length / bending]])
+    gives[1, 0] = gives[0, 1]
+    np.testing.assert_allclose(np.linalg.inv(snap_fit.arm(0.0)[1:, 1:]), gives, rtol=1e-10)
+    assert snap_fit.arm(0.0)[0] == pytest.approx([axial / length, 0.0, 0.0])
+    euler = math.pi**2 * bending / (4.0 * length**2)
+    assert np.linalg.det(snap_fit.arm(0.98 * euler)[1:, 1:]) > 0.0 > np.linalg.det(snap_fit.arm(1.02 * euler)[1:, 1:])
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_two_arms_on_each_other_push_a_nose_up_a_wedge(friction: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    reach, depth = 0.15, 0.2
+    monkeypatch.setattr(snap_fit, "HEIGHTS", (0.5, 0.5))
+    monkeypatch.setattr(snap_fit, "FACE", (snap_fit.ENDS + reach, 0.5 - depth))
+    length, bending, shear, axial = beam()
+    push, ramp = 1e-6, math.tan(math.pi / 6.0)
+    tilt = math.tan(math.pi / 6.0 + math.atan(friction))
+    moment = push * (reach - depth * tilt)
+    turn = (push * length**2 / 2.0 + moment * length) / (2.0 * bending)
+    rise = (push * length**3 / 3.0 + moment * length**2 / 2.0) / (2.0 * bending) + push * length / (2.0 * shear)
+    way = (rise + reach * turn) / ramp - depth * turn + push * tilt * length / (2.0 * axial)
+    u, force = snap_fit.insertion(push, friction)
+    assert u - 0.1 == pytest.approx(way, rel=1e-4)
+    assert force == pytest.approx(push * tilt, rel=1e-12)
+
+
+def test_a_frame_gets_softer_under_its_force_and_hardly_turns() -> None:
+    near, far = (snap_fit.insertion(push, 0.3)[0] - snap_fit.TOUCHES for push in (0.01, 0.04))
+    assert 4.02 * near < far < 4.2 * near
+    length, bending, _, _ = beam()
+    guided = 24.0 * bending / length**3 * math.tan(math.pi / 6.0)
+    for friction, tilt in ((0.0, math.pi / 6.0), (0.3, math.pi / 6.0 + math.atan(0.3))):
+        u, force = snap_fit.known(friction, 0.14)
+        assert (u[0], u[-1], force[0]) == pytest.approx((0.1, 0.14, 0.0))
+        assert 0.9 < snap_fit.slope(u, force) / (guided * math.tan(tilt)) < 0.97
+
+
+def test_slopes_and_coefficients_are_those_of_the_end() -> None:
+    u = np.linspace(0.0, 1.0, 101)
+    assert snap_fit.slope(u, np.maximum(0.0, 3.0 * (u - 0.75))) == pytest.approx(3.0)
+    tilt = math.tan(math.radians(30.0) + math.atan(0.2))
+    steps = [SimpleNamespace(contact={"hook": {"force_x": -tilt * push, "force_y": push}}) for push in (1.0, 2.0)]
+    assert snap_fit.coefficient(SimpleNamespace(history=steps)) == pytest.approx(0.2)  # type: ignore[arg-type]
