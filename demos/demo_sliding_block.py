@@ -109,7 +109,8 @@ def draw(results: dict[float, RunResult], path: Path) -> None:
         for sign in (-1.0, 1.0):
             axes.axhline(sign * friction, color=f"C{n}", linestyle="--", linewidth=0.7)
     axes.set(xlabel="displacement of the block's side", ylabel="pulling force over N, without parasitic part")
-    axes.legend(frameon=False, loc="center", bbox_to_anchor=(0.5, 0.3))
+    axes.locator_params(axis="x", nbins=5)
+    axes.legend(frameon=False, loc="center", bbox_to_anchor=(0.5, 0.4))
     figure.savefig(path, dpi=150)
 
 

@@ -210,19 +210,19 @@ def test_an_arm_is_a_cantilever_that_buckles() -> None:
     assert np.linalg.det(snap_fit.arm(0.98 * euler)[1:, 1:]) > 0.0 > np.linalg.det(snap_fit.arm(1.02 * euler)[1:, 1:])
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_two_arms_on_each_other_push_a_nose_up_a_wedge(friction: float, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_two_arms_on_each_other_push_a_nose_up_a_wedge(mu: float, monkeypatch: pytest.MonkeyPatch) -> None:
     reach, depth = 0.15, 0.2
     monkeypatch.setattr(snap_fit, "HEIGHTS", (0.5, 0.5))
     monkeypatch.setattr(snap_fit, "FACE", (snap_fit.ENDS + reach, 0.5 - depth))
     length, bending, shear, axial = beam()
     push, ramp = 1e-6, math.tan(math.pi / 6.0)
-    tilt = math.tan(math.pi / 6.0 + math.atan(friction))
+    tilt = math.tan(math.pi / 6.0 + math.atan(mu))
     moment = push * (reach - depth * tilt)
     turn = (push * length**2 / 2.0 + moment * length) / (2.0 * bending)
     rise = (push * length**3 / 3.0 + moment * length**2 / 2.0) / (2.0 * bending) + push * length / (2.0 * shear)
     way = (rise + reach * turn) / ramp - depth * turn + push * tilt * length / (2.0 * axial)
-    u, force = snap_fit.insertion(push, friction)
+    u, force = snap_fit.insertion(push, mu)
     assert u - 0.1 == pytest.approx(way, rel=1e-4)
     assert force == pytest.approx(push * tilt, rel=1e-12)
 
@@ -232,8 +232,8 @@ def test_a_frame_gets_softer_under_its_force_and_hardly_turns() -> None:
     assert 4.02 * near < far < 4.2 * near
     length, bending, _, _ = beam()
     guided = 24.0 * bending / length**3 * math.tan(math.pi / 6.0)
-    for friction, tilt in ((0.0, math.pi / 6.0), (0.3, math.pi / 6.0 + math.atan(0.3))):
-        u, force = snap_fit.known(friction, 0.14)
+    for coefficient, tilt in ((0.0, math.pi / 6.0), (0.3, math.pi / 6.0 + math.atan(0.3))):
+        u, force = snap_fit.known(coefficient, 0.14)
         assert (u[0], u[-1], force[0]) == pytest.approx((0.1, 0.14, 0.0))
         assert 0.9 < snap_fit.slope(u, force) / (guided * math.tan(tilt)) < 0.97
 
