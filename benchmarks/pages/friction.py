@@ -1,12 +1,13 @@
-"""Blocks of docs/friction.md."""
+"""Blocks of docs/friction.md, and of friction in docs/guide/verification.md."""
 
 from __future__ import annotations
 
+import friction_belt
 import friction_block
 import friction_scheme
 
 from pages.block import Block
-from pages.runs import Measure, table
+from pages.runs import Measure, percent, table
 
 
 def scheme(measure: Measure) -> str:
@@ -31,9 +32,28 @@ def block(measure: Measure) -> str:
     return table(head, rows)
 
 
+def belt(measure: Measure) -> str:
+    """Forces at the ends of a belt, and the growth of the pressure below it, next to the capstan's."""
+    rows = []
+    for friction, cells, meet in friction_belt.CASES:
+        found = measure(friction_belt.slide, friction, cells, meet)
+        rows.append([f"{friction:g}", str(cells), "meet" if meet else "slide apart", f"{found['stretch']:.3f}",
+                     f"{found['ratio']:.3f}", f"{found['thin']:.3f}",
+                     f"{found['thick']:.3f} ({percent(found['ratio'] / found['thick'] - 1, 1)})",
+                     f"{found['growth']:.4f}",
+                     f"{found['exponent']:.4f} ({percent(found['growth'] / found['exponent'] - 1, 1)})"])  # fmt: skip
+    head = ("friction", "cells along the wrap", "nodes of drum and belt", "J in contact", "head / tail", "thin belt",
+            "its thickness counted", "growth of ln p", "its thickness counted")  # fmt: skip
+    return table(head, rows)
+
+
 def _percent(share: float) -> str:
     """A share with two digits; what is exact but for rounding is 0."""
     return "0" if share < 1e-10 else f"{100.0 * share:.2g} %"
 
 
-BLOCKS = (Block("friction-scheme", "seconds", scheme), Block("friction-block", "minutes", block))
+BLOCKS = (
+    Block("friction-scheme", "seconds", scheme),
+    Block("friction-block", "minutes", block),
+    Block("verification-belt", "minutes", belt),
+)
