@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import friction_base
 import friction_belt
 import friction_block
 import friction_scheme
@@ -47,6 +48,16 @@ def belt(measure: Measure) -> str:
     return table(head, rows)
 
 
+def base(measure: Measure) -> str:
+    """A block on bases of other stiffness."""
+    rows = []
+    for young in friction_base.MODULI:
+        found = measure(friction_base.slide, young)
+        rows.append([f"{young / friction_base.BLOCK:g}", f"{found['ratio']:.4f}", f"{found['coefficient']:.4f}",
+                     f"{found['sticking']:.2f}", f"{found['stretch']:.3f}"])  # fmt: skip
+    return table(("E of base / block", "R_t / R_n", "friction_coefficient", "sticking", "J in contact"), rows)
+
+
 def _percent(share: float) -> str:
     """A share with two digits; what is exact but for rounding is 0."""
     return "0" if share < 1e-10 else f"{100.0 * share:.2g} %"
@@ -56,4 +67,5 @@ BLOCKS = (
     Block("friction-scheme", "seconds", scheme),
     Block("friction-block", "minutes", block),
     Block("verification-belt", "minutes", belt),
+    Block("friction-base", "seconds", base),
 )
