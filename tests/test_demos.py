@@ -8,7 +8,7 @@ import pytest
 from helpers_process import process
 
 ROOT = Path(__file__).parents[1]
-SLOW = ("demo_cattaneo", "demo_shear_lag", "demo_sliding_block", "demo_snap_fit")
+SLOW = ("demo_belt", "demo_cattaneo", "demo_shear_lag", "demo_sliding_block", "demo_snap_fit")
 DEMOS = [
     pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in SLOW else [])
     for path in sorted((ROOT / "demos").glob("demo_*.py"))

@@ -1,7 +1,9 @@
-"""Blocks of docs/friction.md, and friction in docs/guide/verification.md."""
+"""Blocks of docs/friction.md, and of friction in docs/guide/verification.md."""
 
 from __future__ import annotations
 
+import friction_base
+import friction_belt
 import friction_block
 import friction_demos
 import friction_scheme
@@ -85,6 +87,31 @@ def partial_slip(measure: Measure) -> str:
     return table(head, rows)
 
 
+def belt(measure: Measure) -> str:
+    """Forces at the ends of a belt, and the growth of the pressure below it, next to the capstan's."""
+    rows = []
+    for friction, cells, meet in friction_belt.CASES:
+        found = measure(friction_belt.slide, friction, cells, meet)
+        rows.append([f"{friction:g}", str(cells), "meet" if meet else "slide apart", f"{found['stretch']:.3f}",
+                     f"{found['ratio']:.3f}", f"{found['thin']:.3f}",
+                     f"{found['thick']:.3f} ({percent(found['ratio'] / found['thick'] - 1, 1)})",
+                     f"{found['growth']:.4f}",
+                     f"{found['exponent']:.4f} ({percent(found['growth'] / found['exponent'] - 1, 1)})"])  # fmt: skip
+    head = ("friction", "cells along the wrap", "nodes of drum and belt", "J in contact", "head / tail", "thin belt",
+            "its thickness counted", "growth of ln p", "its thickness counted")  # fmt: skip
+    return table(head, rows)
+
+
+def base(measure: Measure) -> str:
+    """A block on bases of other stiffness."""
+    rows = []
+    for young in friction_base.MODULI:
+        found = measure(friction_base.slide, young)
+        rows.append([f"{young / friction_base.BLOCK:g}", f"{found['ratio']:.4f}", f"{found['coefficient']:.4f}",
+                     f"{found['sticking']:.2f}", f"{found['stretch']:.3f}"])  # fmt: skip
+    return table(("E of base / block", "R_t / R_n", "friction_coefficient", "sticking", "J in contact"), rows)
+
+
 def _percent(share: float) -> str:
     """A share with two digits; what is exact but for rounding is 0."""
     return "0" if share < 1e-10 else f"{100.0 * share:.2g} %"
@@ -97,4 +124,6 @@ BLOCKS = (
     Block("verification-bar", "minutes", bar),
     Block("verification-thin-bar", "minutes", thin_bar),
     Block("verification-cattaneo", "minutes", partial_slip),
+    Block("verification-belt", "minutes", belt),
+    Block("friction-base", "seconds", base),
 )

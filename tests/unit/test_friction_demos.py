@@ -17,6 +17,7 @@ from tmc_vem.simulation.problem_file import read_problem
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 sys.path.insert(0, str(Path(__file__).parents[2] / "demos"))
 
+import demo_belt as belt
 import demo_cattaneo as cattaneo
 import demo_shear_lag as shear_lag
 import demo_sliding_block as sliding_block
@@ -244,3 +245,59 @@ def test_slopes_and_coefficients_are_those_of_the_end() -> None:
     tilt = math.tan(math.radians(30.0) + math.atan(0.2))
     steps = [SimpleNamespace(contact={"hook": {"force_x": -tilt * push, "force_y": push}}) for push in (1.0, 2.0)]
     assert snap_fit.coefficient(SimpleNamespace(history=steps)) == pytest.approx(0.2)  # type: ignore[arg-type]
+
+
+# ---- Belt ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_belt_grows_tight_along_a_drum() -> None:
+    """Moments about the axis: dT (R + H / 2) = mu_f p R^2 dtheta, with T = p R, from 1 at the tail."""
+    assert belt.exponent(0.3) == pytest.approx(0.3 / 1.01)
+    assert belt.ratio(0.3) == pytest.approx(math.exp(0.3 * math.pi))
+
+
+def test_nodes_of_a_belt_meet_those_of_the_drum() -> None:
+    n = 30
+    mesh = belt.belt_mesh(n)
+    assert mesh.region_names == ("layer", "belt")
+    assert np.bincount(mesh.region_c).tolist() == [n, n + 2]  # straight ends of one cell each
+    radius = np.hypot(*mesh.points_vx.T)
+    drum = mesh.points_vx[: n + 1]
+    inner = mesh.points_vx[(abs(radius - 1.01) < 1e-9) & (mesh.points_vx[:, 1] > -1e-9)]
+    from_top = [np.arctan2(points[:, 0], points[:, 1]) for points in (drum, inner)]
+    np.testing.assert_allclose(radius[: n + 1], 1.0)
+    np.testing.assert_allclose(1.0 * from_top[0], 1.01 * from_top[1], atol=1e-12)  # as long an arc from the middle
+    below = belt.belt_mesh(n, 0.0).points_vx[: n + 1]
+    np.testing.assert_allclose(1.01 * below, inner, atol=1e-12)
+    assert mesh.points_vx[:, 1].min() == pytest.approx(-belt.FREE)
+    outline = mesh.points_vx[mesh.points_vx[:, 1] < -1e-3 * belt.FREE]
+    np.testing.assert_allclose(np.sort(outline[abs(outline[:, 1] + belt.FREE) < 1e-9, 0]), [-1.03, -1.01, 1.01, 1.03])
+
+
+def test_a_belt_is_compared_by_moments_and_by_its_pressures() -> None:
+    """Forces on the belt's nodes of the pressure T / R and friction of 0.3 times that, tail's force 2."""
+    n, tail = 2001, 2.0
+    rate = belt.exponent(0.3)
+    theta = np.linspace(0.0, math.pi, n)
+    out = np.column_stack([np.cos(theta), np.sin(theta)])
+    along = np.column_stack([-out[:, 1], out[:, 0]])
+    pressure = tail * np.exp(rate * theta)
+    weight = np.gradient(theta)
+    weight[[0, -1]] *= 0.5
+    force = (pressure * weight)[:, None] * (out - 0.3 * along)
+    shuffled = np.random.default_rng(0).permutation(n)
+    elsewhere = np.array([[1.03, 0.5], [1.01, -0.1]])  # the outer face and a straight end
+    curves = SimpleNamespace(
+        reference_nx=np.concatenate([1.01 * out[shuffled], elsewhere]),
+        point_nx=np.concatenate([out[shuffled], elsewhere]),
+        force_ni=np.concatenate([force[shuffled], [[9.0, 9.0]] * 2]),
+        pressure_n=np.concatenate([pressure[shuffled], [9.0, 9.0]]),
+    )
+    forces = {"tail": {"reaction": -tail}, "head": {"reaction": -tail * belt.ratio(rate)}}
+    result: Any = SimpleNamespace(history=[SimpleNamespace(forces=forces)], traction=lambda: curves)
+    found = belt.Found.of(result)
+    assert found.ratio == pytest.approx(belt.ratio(rate))
+    assert found.growth == pytest.approx(rate, rel=1e-9)
+    np.testing.assert_allclose(found.theta, theta, atol=1e-12)
+    np.testing.assert_allclose(found.tension, np.exp(rate * theta), rtol=2e-3)
+    np.testing.assert_allclose(found.pressure, np.exp(rate * theta), rtol=1e-9)
