@@ -24,10 +24,10 @@ UNITS = changed(SMALL, ("gap =", 'units = { length = "mm", force = "N" }\ngap ='
 def test_pairs_that_come_and_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A pair that faces in the second and third of four steps only is read back with its name, value and unit, from a
     run that goes on as well."""
-    measured, calls, running = ContactGauge.measured, [], []
+    read, calls, running = ContactGauge.read, [], []
 
-    def some(self: ContactGauge, traction: Any) -> Any:
-        calls.append(measured(self, traction))
+    def some(self: ContactGauge, u: Any, residual: Any, *, along_path: bool = True) -> Any:
+        calls.append(read(self, u, residual, along_path=along_path))
         if len(calls) == 4:
             running.append(RunResult.read(tmp_path / "run"))
         return {name: values for name, values in calls[-1].items() if name != "low-up" or len(calls) in (2, 3)}
@@ -38,7 +38,7 @@ def test_pairs_that_come_and_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         rewritten.append(len(records))
         rewrite(self, records, units)
 
-    monkeypatch.setattr(ContactGauge, "measured", some)
+    monkeypatch.setattr(ContactGauge, "read", some)
     monkeypatch.setattr(RunDirectory, "rewrite_history", counted)
     result = solved(tmp_path, UNITS, tmp_path / "run").result
     again = RunResult.read(tmp_path / "run")

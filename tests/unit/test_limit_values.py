@@ -53,7 +53,7 @@ def test_limits_of_records() -> None:
     assert found["lid.reaction"].value == pytest.approx(3.0, rel=1e-9)
     assert (found["gap"].value, found["gap"].ratio) == (0.5, None)
     assert found["lid.work"].value is None
-    assert found["lid.work"].reason == "it is summed along the path, which was gone through with the first gamma"
+    assert found["lid.work"].reason == "it is summed along the path, and known of the first gamma alone"
 
 
 @pytest.mark.parametrize("missing", range(7))
