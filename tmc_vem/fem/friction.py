@@ -11,16 +11,15 @@ from numpy.typing import NDArray
 
 from tmc_vem.fem import compat
 from tmc_vem.fem.mesh import FemMesh
-from tmc_vem.system.friction import FrictionLaw, FrictionStates, SlipSystem
+from tmc_vem.system.friction import N_ENTRIES, FrictionLaw, FrictionStates, SlipSystem
 from tmc_vem.system.point_states import PointStates
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-# Where the values of a point stand: A row by row, A : (F_n - I), bound, stiffness, shear at the beginning of the step;
-# and the part of the stiffness that tangents have where it slips, which is the same everywhere.
-A, AH, BOUND, STIFFNESS, TAU, N_FROZEN = slice(0, 4), 4, 5, 6, 7, 8
-DAMPING, N_VALUES = 8, 9
+# Where the values of a point stand, after the four of A by columns: the entries of a slip system, and the part of the
+# stiffness that tangents have where it slips, which is the same everywhere.
+AH, BOUND, STIFFNESS, TAU, DAMPING, N_VALUES = 4, 5, 6, 7, 8, 9
 
 
 class PointFriction:
@@ -64,7 +63,7 @@ class PointFriction:
         import ufl
 
         k = self._function
-        return ufl.inner(ufl.as_matrix([[k[0], k[1]], [k[2], k[3]]]), ufl.grad(v))
+        return ufl.inner(ufl.as_matrix([[k[0], k[2]], [k[1], k[3]]]), ufl.grad(v))
 
     def damp_slip(self, fraction: float) -> bool:
         """Tangents have this fraction of the stiffness of sticking points where points slip."""
@@ -75,16 +74,9 @@ class PointFriction:
     def states(self, points: Iterable[PointStates]) -> Iterator[FrictionStates]:
         """The slip systems of cells, and their answer to a state."""
         for some in points:
-            slip = self._slip(some.cells)
+            k_cqk = self._values[self._rows_cq[some.cells], :N_ENTRIES]
+            slip = SlipSystem.of_entries(k_cqk, self._normal_cqi[some.cells])
             yield FrictionStates(some, slip, slip.response(some.F_cqij), self.laws[some.region])
-
-    def shear(self, points: Iterable[PointStates]) -> tuple[Float, Float]:
-        """Points (n, 2) of the reference configuration, and the shear (n,) reached there at a state."""
-        X, tau = [np.empty((0, 2))], [np.empty(0)]
-        for states in self.states(points):
-            X.append(states.points.X_cqx.reshape(-1, 2))
-            tau.append(states.response.tau.ravel())
-        return np.concatenate(X), np.concatenate(tau)
 
     def begin_step(self, points: Iterable[PointStates], shear_at: Callable[[Float], Float] | None = None) -> None:
         """Freeze the slip systems of cells for the step that begins at a state.
@@ -95,26 +87,9 @@ class PointFriction:
                 before has led to by default.
         """
         for states in self.states(points):
-            some = states.points
-            tau_cq = states.response.tau
-            if shear_at is not None:
-                tau_cq = shear_at(some.X_cqx.reshape(-1, 2)).reshape(tau_cq.shape)
-            self._freeze(some.cells, self.laws[some.region].slip_system(some.F_cqij, some.parameters, tau_cq))
-
-    def _slip(self, cells: Int) -> SlipSystem:
-        k_cqk = self._values[self._rows_cq[cells]]
-        A_cqij = k_cqk[..., A].reshape(*k_cqk.shape[:2], 2, 2)
-        return SlipSystem(
-            A_cqij, k_cqk[..., AH], k_cqk[..., BOUND], k_cqk[..., STIFFNESS], k_cqk[..., TAU], self._normal_cqi[cells]
-        )
-
-    def _freeze(self, cells: Int, slip: SlipSystem) -> None:
-        k_cqk = np.empty((*slip.bound.shape, N_FROZEN))
-        k_cqk[..., A] = slip.A_ij.reshape(*slip.bound.shape, 4)
-        for entry, values in ((AH, slip.AH), (BOUND, slip.bound), (STIFFNESS, slip.stiffness), (TAU, slip.tau)):
-            k_cqk[..., entry] = values
-        self._values[self._rows_cq[cells], :N_FROZEN] = k_cqk
-        self._normal_cqi[cells] = slip.n_i
+            cells, slip = states.points.cells, states.next_slip(shear_at)
+            self._values[self._rows_cq[cells], :N_ENTRIES] = slip.entries()
+            self._normal_cqi[cells] = slip.n_i
 
     @cached_property
     def _function(self) -> Any:

@@ -33,7 +33,7 @@ from tmc_vem.system.control import Control, parameter_of
 from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.fields import Polygons
-from tmc_vem.system.friction import FrictionLaw, FrictionStates
+from tmc_vem.system.friction import FrictionLaw, FrictionStates, shear_of
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.places import Located
 from tmc_vem.system.point_states import PointStates
@@ -225,7 +225,7 @@ class FemSystem(Unloaded):
 
     def shear(self, u: Vec) -> tuple[Float, Float]:
         """Points (n, 2) with friction of this rank, and the shear (n,) there."""
-        return self._friction.shear(self._points_with_friction(self._local_values(u)))
+        return shear_of(self.friction_states(u))
 
     def remember_shear(self, u: Vec, shear_at: Callable[[Float], Float]) -> None:
         """Begin a step at ``u`` with the shear that a function gives at points."""

@@ -14,7 +14,7 @@ friction, and none does that is only sheared.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -28,6 +28,7 @@ Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
 SQUEEZED = 0.5  # smallest stretch, and J, below which the medium carries friction
+N_ENTRIES = 8  # of a slip system as kernels and forms read it: A11 A21 A12 A22, A : (F_n - I), c, kt, tau_n
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,17 @@ class SlipSystem:
     stiffness: Float
     tau: Float
     n_i: Float
+
+    @staticmethod
+    def of_entries(k: Float, n_i: Float) -> SlipSystem:
+        """From entries (..., 8) in the order of kernel_abi.h, and the normals (..., 2)."""
+        A_ij = np.swapaxes(k[..., :4].reshape(*k.shape[:-1], 2, 2), -1, -2)
+        return SlipSystem(A_ij, k[..., 4], k[..., 5], k[..., 6], k[..., 7], n_i)
+
+    def entries(self) -> Float:
+        """(..., 8) entries in the order of kernel_abi.h."""
+        A_k = np.swapaxes(self.A_ij, -1, -2).reshape(*self.bound.shape, 4)
+        return np.concatenate([A_k, np.stack([self.AH, self.bound, self.stiffness, self.tau], axis=-1)], axis=-1)
 
     def response(self, F: Float) -> SlipResponse:
         """Shear and energies at other deformation gradients (..., 2, 2)."""
@@ -103,6 +115,27 @@ class FrictionStates:
     slip: SlipSystem
     response: SlipResponse
     law: FrictionLaw
+
+    def next_slip(self, shear_at: Callable[[Float], Float] | None = None) -> SlipSystem:
+        """The slip systems of the step that begins at this state.
+
+        Args:
+            shear_at: gives the shear (n,) reached here at points (n, 2) of the reference configuration; what the step
+                has led to by default.
+        """
+        tau_cq, X_cqx = self.response.tau, self.points.X_cqx
+        if shear_at is not None:
+            tau_cq = shear_at(X_cqx.reshape(-1, 2)).reshape(tau_cq.shape)
+        return self.law.slip_system(self.points.F_cqij, self.points.parameters, tau_cq)
+
+
+def shear_of(states: Iterable[FrictionStates]) -> tuple[Float, Float]:
+    """Points (n, 2) of the reference configuration, and the shear (n,) reached there."""
+    X, tau = [np.empty((0, 2))], [np.empty(0)]
+    for each in states:
+        X.append(each.points.X_cqx.reshape(-1, 2))
+        tau.append(each.response.tau.ravel())
+    return np.concatenate(X), np.concatenate(tau)
 
 
 @dataclass(frozen=True)

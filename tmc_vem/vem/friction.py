@@ -10,17 +10,13 @@ from numpy.typing import NDArray
 
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.distributed import Vec
-from tmc_vem.system.friction import FrictionLaw, FrictionStates, SlipSystem
-from tmc_vem.system.point_states import PointStates
+from tmc_vem.system.friction import FrictionLaw, FrictionStates, SlipSystem, shear_of
 from tmc_vem.system.unloaded import Unloaded
 from tmc_vem.vem.blocks import Block, RegionKernel
-from tmc_vem.vem.kernel.friction_packs import N_FRICTION, FrictionPacks
+from tmc_vem.vem.kernel.friction_packs import FrictionPacks
 from tmc_vem.vem.point_states import point_states
 
 Float = NDArray[np.float64]
-
-# Where the entries of kernel_abi.h stand.
-A, AH, BOUND, STIFFNESS, TAU = slice(0, 4), 4, 5, 6, 7
 
 
 @dataclass(frozen=True)
@@ -41,8 +37,9 @@ class BlockFriction:
 
     def states(self, u_ni: Float) -> Iterator[FrictionStates]:
         """Points at displacements (n_nodes, 2) of the nodes, as many cells at a time as of stresses."""
-        for chosen, points in self._points(u_ni):
-            slip = self._slip(chosen)
+        found = point_states([self.block], self.mesh, u_ni)
+        for chosen, points in zip(self.block.chunks(), found, strict=True):
+            slip = SlipSystem.of_entries(self.packs.cells(chosen), self.normal_cqi[chosen])
             yield FrictionStates(points, slip, slip.response(points.F_cqij), self.law)
 
     def begin_step(self, u_ni: Float, shear_at: Callable[[Float], Float] | None = None) -> None:
@@ -53,15 +50,10 @@ class BlockFriction:
             shear_at: gives the shear (n,) reached there at points (n, 2) of the reference configuration; what the step
                 before has led to by default.
         """
-        for chosen, points in self._points(u_ni):
-            if shear_at is None:
-                reached = self._slip(chosen).response(points.F_cqij).tau
-            else:
-                reached = shear_at(points.X_cqx.reshape(-1, 2)).reshape(points.w_cq.shape)
-            self._freeze(chosen, self.law.slip_system(points.F_cqij, points.parameters, reached))
-
-    def _points(self, u_ni: Float) -> Iterator[tuple[slice, PointStates]]:
-        return zip(self.block.chunks(), point_states([self.block], self.mesh, u_ni), strict=True)
+        for chosen, states in zip(self.block.chunks(), self.states(u_ni), strict=True):
+            slip = states.next_slip(shear_at)
+            self.packs.set_cells(chosen, slip.entries())
+            self.normal_cqi[chosen] = slip.n_i
 
     @property
     def packs(self) -> FrictionPacks:
@@ -69,21 +61,6 @@ class BlockFriction:
         packs = self.block.batch.friction
         assert packs is not None  # blocks without have no object of this class
         return packs
-
-    def _slip(self, chosen: slice) -> SlipSystem:
-        k_cqk = self.packs.cells(chosen)
-        A_cqij = np.swapaxes(k_cqk[..., A].reshape(*k_cqk.shape[:2], 2, 2), -1, -2)
-        return SlipSystem(
-            A_cqij, k_cqk[..., AH], k_cqk[..., BOUND], k_cqk[..., STIFFNESS], k_cqk[..., TAU], self.normal_cqi[chosen]
-        )
-
-    def _freeze(self, chosen: slice, slip: SlipSystem) -> None:
-        k_cqk = np.empty((*slip.bound.shape, N_FRICTION))
-        k_cqk[..., A] = np.swapaxes(slip.A_ij, -1, -2).reshape(*slip.bound.shape, 4)
-        for entry, values in ((AH, slip.AH), (BOUND, slip.bound), (STIFFNESS, slip.stiffness), (TAU, slip.tau)):
-            k_cqk[..., entry] = values
-        self.packs.set_cells(chosen, k_cqk)
-        self.normal_cqi[chosen] = slip.n_i
 
 
 def friction_of(blocks: Iterable[Block], kernels: Mapping[str, RegionKernel], mesh: PolygonMesh) -> list[BlockFriction]:
@@ -124,20 +101,10 @@ class WithFriction(Unloaded):
 
     def shear(self, u: Vec) -> tuple[Float, Float]:
         """Points (n, 2) with friction of this rank, and the shear (n,) there."""
-        return _shear(self._friction, self._local_values(u))
+        return shear_of(self.friction_states(u))
 
     def remember_shear(self, u: Vec, shear_at: Callable[[Float], Float]) -> None:
         """Begin a step at ``u`` with the shear that a function gives at points."""
         u_nodes = self._local_values(u)
         for friction in self._friction:
             friction.begin_step(u_nodes, shear_at)
-
-
-def _shear(friction: Iterable[BlockFriction], u_ni: Float) -> tuple[Float, Float]:
-    """Points (n, 2) of the reference configuration, and the shear (n,) reached there at displacements of the nodes."""
-    X, tau = [np.empty((0, 2))], [np.empty(0)]
-    for block in friction:
-        for states in block.states(u_ni):
-            X.append(states.points.X_cqx.reshape(-1, 2))
-            tau.append(states.response.tau.ravel())
-    return np.concatenate(X), np.concatenate(tau)

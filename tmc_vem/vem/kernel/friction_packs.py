@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.system.friction import N_ENTRIES
 from tmc_vem.vem.kernel.packs import LANES, packed
 
 Array = NDArray[np.float64]
-
-N_FRICTION = 8  # TMC_N_FRICTION in kernel_abi.h
 
 
 class FrictionPacks:
@@ -31,7 +30,7 @@ class FrictionPacks:
 
     def __init__(self, n_cells: int, n_points: int) -> None:
         self.n_cells = n_cells
-        self.values_cpqk = np.zeros((-(-n_cells // LANES), n_points, N_FRICTION, LANES))
+        self.values_cpqk = np.zeros((-(-n_cells // LANES), n_points, N_ENTRIES, LANES))
         self.damping = np.zeros(1)
         self._version = 0
         self._from: tuple[FrictionPacks, NDArray[Any] | slice] | None = None
