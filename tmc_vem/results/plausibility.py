@@ -147,7 +147,7 @@ def friction_behind(evidence: Evidence) -> Iterable[Finding]:
     found, wanted = evidence.checks.get("friction_error"), evidence.inputs.get("friction_error")
     if found and wanted and found["largest"] > wanted * (1.0 + SAME):
         equal = evidence.inputs.get("load_steps")
-        remedy = "take more steps" if equal else "take a smaller friction_error, or more equal steps of --steps"
+        remedy = "take more steps" if equal else "take a smaller friction_error, or equal steps (--steps)"
         yield Finding(
             WARNING,
             f"friction was {found['largest']:.2g} of the largest friction behind in the step to load "
