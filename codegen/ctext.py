@@ -25,3 +25,13 @@ def points_source() -> str:
 def point_arithmetic_source() -> str:
     """Text of the helpers that the point kernels call, pointmath.c."""
     return HERE.joinpath("pointmath.c").read_text()
+
+
+def by_parameters_header() -> str:
+    """Text of by_parameters.h: what a kernel of derivatives with respect to parameters exports."""
+    return HERE.joinpath("by_parameters.h").read_text()
+
+
+def by_parameters_source() -> str:
+    """Text of by_parameters.c: these derivatives at many states."""
+    return HERE.joinpath("by_parameters.c").read_text()

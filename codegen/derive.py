@@ -18,7 +18,8 @@ import sympy as sp
 from codegen import centre
 from codegen.centre import F11, F12, F21, F22, J_MINUS_1, SHIFTED, J, Value
 from codegen.errors import CodegenError
-from codegen.ir import DerivedEnergy, SymExpr
+from codegen.ir import DerivedByParameters, DerivedEnergy, SymExpr
+from codegen.layout import Layout
 from codegen.tape import Node
 from codegen.trace import TracedEnergy
 
@@ -81,6 +82,11 @@ def parameter_symbol(name: str) -> SymExpr:
     return sp.Symbol(f"p_{name}", real=True)
 
 
+def direction_symbols(layout: Layout) -> tuple[SymExpr, ...]:
+    """Symbols of the components of a direction, in the order of the vector."""
+    return tuple(sp.Symbol(f"y_{name}", real=True) for name in layout.names)
+
+
 def exact_constant(value: float) -> SymExpr:
     """A rational for a number such as 2/3 that Python had to round, else the number itself."""
     fraction = Fraction(value).limit_denominator(1000)
@@ -115,18 +121,13 @@ def differentiate(traced: TracedEnergy) -> DerivedEnergy:
     Raises:
         CodegenError: the energy divides by zero, or has no second derivatives everywhere.
     """
-    value = to_sympy(traced)
-    energy = gradient_source = plain_energy = centre.plain(value)
-    if isinstance(value, centre.Centred) and value.constant == 0:
-        energy = sp.Add(*(coefficient * x for x, coefficient in value.linear.items())) + value.rest
-        gradient_source = energy if not value.linear else plain_energy
-
+    energy, gradient_source, plain_energy = forms(traced)
     variables = centre.symbols(traced.layout)
-    gradient = tuple(_derivatives(gradient_source, variables))
-    plain_gradient = gradient if gradient_source is plain_energy else tuple(_derivatives(plain_energy, variables))
-    rows = [_derivatives(plain_gradient[a], variables[a:]) for a in range(len(variables))]
+    gradient = tuple(derivatives(gradient_source, variables))
+    plain_gradient = gradient if gradient_source is plain_energy else tuple(derivatives(plain_energy, variables))
+    rows = [derivatives(plain_gradient[a], variables[a:]) for a in range(len(variables))]
     hessian = tuple(entry for row in rows for entry in row)
-    _require_smooth(traced.name, (energy, *gradient, *hessian))
+    require_smooth(traced.name, (energy, *gradient, *hessian))
     return DerivedEnergy(
         name=traced.name,
         parameters=traced.parameters,
@@ -141,7 +142,42 @@ def differentiate(traced: TracedEnergy) -> DerivedEnergy:
     )
 
 
-def _require_smooth(name: str, expressions: Sequence[SymExpr]) -> None:
+def differentiate_by_parameters(traced: TracedEnergy) -> DerivedByParameters:
+    """Derivatives of a traced energy, and of its first derivative along a direction, with respect to its parameters.
+
+    Both come from the forms that are accurate near F = I.
+
+    Raises:
+        CodegenError: the energy divides by zero, or has a kink.
+    """
+    energy, gradient_source, _ = forms(traced)
+    gradient = derivatives(gradient_source, centre.symbols(traced.layout))
+    along = sp.Add(*(y * g for y, g in zip(direction_symbols(traced.layout), gradient, strict=True)))
+    parameters = [parameter_symbol(name) for name in traced.parameters]
+    energy_k = tuple(sp.diff(energy, p) for p in parameters)
+    residual_k = tuple(sp.diff(along, p) for p in parameters)
+    require_smooth(traced.name, (*energy_k, *residual_k))
+    return DerivedByParameters(
+        traced.name, traced.parameters, traced.layout, traced.n_rows, energy_k, residual_k, traced.n_varying
+    )
+
+
+def forms(traced: TracedEnergy) -> tuple[SymExpr, SymExpr, SymExpr]:
+    """The energy in the form that is accurate near F = I, in that of which the gradient is, and in the plain one."""
+    value = to_sympy(traced)
+    energy = gradient_source = plain_energy = centre.plain(value)
+    if isinstance(value, centre.Centred) and value.constant == 0:
+        energy = sp.Add(*(coefficient * x for x, coefficient in value.linear.items())) + value.rest
+        gradient_source = energy if not value.linear else plain_energy
+    return energy, gradient_source, plain_energy
+
+
+def require_smooth(name: str, expressions: Sequence[SymExpr]) -> None:
+    """Check that expressions have values everywhere.
+
+    Raises:
+        CodegenError: one divides by zero, or has a kink.
+    """
     if any(expression.has(sp.zoo, sp.nan, sp.oo, -sp.oo) for expression in expressions):
         raise CodegenError(
             f"energy '{name}': it or a derivative divides by zero everywhere; look for a term that cancels"
@@ -156,18 +192,18 @@ def _require_smooth(name: str, expressions: Sequence[SymExpr]) -> None:
         )
 
 
-def _derivatives(expression: SymExpr, variables: Sequence[SymExpr]) -> list[SymExpr]:
+def derivatives(expression: SymExpr, variables: Sequence[SymExpr]) -> list[SymExpr]:
     """Total derivatives, J = det F included."""
     by_j = sp.diff(expression, J) + sp.diff(expression, J_MINUS_1)
-    derivatives = []
+    found = []
     for x in variables:
         derivative = sp.diff(expression, x)
         if x in SHIFTED:
             derivative += sp.diff(expression, SHIFTED[x])
         if x in COFACTORS:
             derivative += by_j * COFACTORS[x]
-        derivatives.append(derivative)
-    return derivatives
+        found.append(derivative)
+    return found
 
 
 def symbol_names(expression: Any) -> set[str]:

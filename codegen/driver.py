@@ -15,15 +15,17 @@ class Driver:
     Attributes:
         header: what they export; it stands before the functions of a point, and in the header that goes with a kernel.
         files: the C text after these functions, in the order in which the files build on each other.
+        shared_headers: of other drivers, with types that this one uses.
     """
 
     header: Path
     files: tuple[Path, ...]
+    shared_headers: tuple[Path, ...] = ()
 
     @property
     def declarations(self) -> str:
-        """Text of the header."""
-        return self.header.read_text()
+        """Text of the headers."""
+        return "\n".join(header.read_text() for header in (*self.shared_headers, self.header))
 
     @property
     def source(self) -> str:
@@ -34,6 +36,6 @@ class Driver:
     def key(self) -> str:
         """Hash of all files, a part of the key of compiled kernels."""
         digest = hashlib.sha256()
-        for file in (self.header, *self.files):
+        for file in (*self.shared_headers, self.header, *self.files):
             digest.update(file.name.encode() + file.read_bytes())
         return digest.hexdigest()

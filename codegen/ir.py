@@ -3,13 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from codegen.layout import Layout
 
 SymExpr = Any  # a sympy expression; sympy itself is imported only where expressions are worked on
 
 LEVELS = ("energy", "gradient", "tangent")
+
+
+class HasParameters(Protocol):
+    """What reads inputs of a point and parameters, of which the last ones vary from cell to cell."""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names in the kernel's order."""
+
+    @property
+    def layout(self) -> Layout:
+        """Where what it reads stands."""
+
+    @property
+    def n_varying(self) -> int:
+        """How many parameters vary."""
+
+    @property
+    def n_uniform(self) -> int:
+        """How many parameters, the first ones, are the same in all cells."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +62,28 @@ class DerivedEnergy:
     def varying(self) -> tuple[str, ...]:
         """The parameters that vary from cell to cell."""
         return self.parameters[self.n_uniform :]
+
+
+@dataclass(frozen=True)
+class DerivedByParameters:
+    """Derivatives with respect to the parameters as sympy expressions.
+
+    ``energy[k]`` is ``d psi / d p_k``, and ``residual[k]`` the derivative of ``sum_a y_a d psi / d x_a`` with respect to
+    ``p_k`` for a direction ``y``. ``n_rows`` is the number of derivative rows up to the last that the energy depends on.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    layout: Layout
+    n_rows: int
+    energy: tuple[SymExpr, ...]
+    residual: tuple[SymExpr, ...]
+    n_varying: int = 0
+
+    @property
+    def n_uniform(self) -> int:
+        """How many parameters, the first ones, are the same in all cells."""
+        return len(self.parameters) - self.n_varying
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,7 @@ class Kernel:
     signatures: ClassVar[Signatures] = POINTS
 
     def __init__(self, library: Path, integrand: Integrand) -> None:
+        self.integrand = integrand
         self.name = integrand.name
         self.parameters = integrand.parameter_names
         self.n_varying = integrand.n_varying

@@ -39,10 +39,11 @@ def schedule(derived: DerivedEnergy) -> dict[str, Schedule]:
     gradient = [(f"g[{a}]", value) for a, value in enumerate(derived.gradient) if value != 0]
     hessian = [(f"h[{n}]", value) for n, value in enumerate(derived.hessian) if value != 0]
     named = {"energy": energy, "gradient": energy + gradient, "tangent": energy + gradient + hessian}
-    return {level: _schedule_level(level, named[level]) for level in LEVELS}
+    return {level: program(level, named[level]) for level in LEVELS}
 
 
-def _schedule_level(level: str, outputs: Sequence[tuple[str, SymExpr]]) -> Schedule:
+def program(level: str, outputs: Sequence[tuple[str, SymExpr]]) -> Schedule:
+    """Straight-line program of expressions by the names of their targets, with what they share computed once."""
     memo: dict[SymExpr, SymExpr] = {}
     reduced = [_reduce(value, memo) for _, value in outputs]
     before = int(sp.count_ops([value for _, value in outputs]))

@@ -2,8 +2,8 @@
 
 That number is the rate of the energy along A and a: the density is run on values with rates, as in
 :mod:`codegen.directional`, and recorded once. Its derivatives come backwards along the record, exactly and all
-together, whatever the form of the energy (reverse over forward). With A the derivative of a function of the stress by the stress,
-they are the derivatives of that function.
+together, whatever the form of the energy (reverse over forward). With A the derivative of a function of the stress by
+the stress, they are the derivatives of that function.
 """
 
 from __future__ import annotations

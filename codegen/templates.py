@@ -6,14 +6,14 @@ then what calls them, which is the same for every energy.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from codegen.cprinter import c_expression
 from codegen.ctext import parameters_source, point_arithmetic_source, points_header, points_source
-from codegen.derive import parameter_symbol, symbol_names
+from codegen.derive import direction_symbols, parameter_symbol, symbol_names
 from codegen.driver import Driver
 from codegen.integrand import DEFORMATION_GRADIENT
-from codegen.ir import LEVELS, DerivedEnergy, KernelSource, Schedule
+from codegen.ir import LEVELS, DerivedEnergy, HasParameters, KernelSource, Schedule
 from codegen.layout import Layout
 
 J_NAMES = {"J", "Jm1", "logJ", "logJr", "invJ"}
@@ -71,14 +71,7 @@ def kernel_source(
     provenance = _provenance(derived, schedules, description, versions or {})
     header = points_header() + (f"\n{driver.declarations}" if driver else "")
     parts = [
-        provenance,
-        _PREAMBLE,
-        derived.layout.c_constants(derived.n_rows),
-        f"enum {{ N_UNIFORM = {derived.n_uniform}, N_VARYING = {derived.n_varying} }};\n",
-        header,
-        "const int tmc_n_rows = N_ROWS;\n",
-        point_arithmetic_source(),
-        parameters_source(),
+        *preamble(provenance, derived, derived.n_rows, header),
         *(_point_kernel(derived, schedules[level]) for level in LEVELS),
         points_source(),
         *([driver.source] if driver else []),
@@ -92,6 +85,20 @@ def kernel_source(
         operations={level: schedules[level].operations for level in LEVELS},
         operations_before={level: schedules[level].operations_before for level in LEVELS},
     )
+
+
+def preamble(provenance: str, of: HasParameters, n_rows: int, header: str) -> list[str]:
+    """What stands before the functions of a point: includes, constants, declarations, arithmetic, parameters."""
+    return [
+        provenance,
+        _PREAMBLE,
+        of.layout.c_constants(n_rows),
+        f"enum {{ N_UNIFORM = {of.n_uniform}, N_VARYING = {of.n_varying} }};\n",
+        header,
+        "const int tmc_n_rows = N_ROWS;\n",
+        point_arithmetic_source(),
+        parameters_source(),
+    ]
 
 
 def _provenance(
@@ -110,25 +117,43 @@ def _provenance(
 
 
 def _point_kernel(derived: DerivedEnergy, schedule: Schedule) -> str:
+    written = _DERIVATIVES[schedule.level]
+    arguments = ["const double (*restrict x)[LANES]", "const double *restrict p", "double *restrict psi"]
+    arguments += [f"double (*restrict {name})[LANES]" for name in written]
+    return point_function(derived, schedule, arguments, written)
+
+
+def point_function(
+    of: HasParameters, schedule: Schedule, arguments: Sequence[str], written: Sequence[str], directions: str = ""
+) -> str:
+    """C text of a function that goes through a schedule at LANES points.
+
+    Args:
+        of: what has been derived.
+        schedule: its program; the function is called ``point_`` and its level.
+        arguments: of the C function, ``x`` and ``p`` among them.
+        written: names of arrays that outputs go to, of which not all need be.
+        directions: name of an argument like ``x`` with a direction at every point; empty if there is none.
+    """
     assignments = (*schedule.temporaries, *schedule.outputs)
     used: set[str] = set().union(*(symbol_names(a.value) for a in assignments)) if assignments else set()
-    arguments = ["const double (*restrict x)[LANES]", "const double *restrict p", "double *restrict psi"]
-    arguments += [f"double (*restrict {name})[LANES]" for name in _DERIVATIVES[schedule.level]]
-
     head = [f"static void point_{schedule.level}({', '.join(arguments)}) {{"]
-    symbols = [str(parameter_symbol(name)) for name in derived.parameters]
-    uniform, varying = symbols[: derived.n_uniform], symbols[derived.n_uniform :]
+    symbols = [str(parameter_symbol(name)) for name in of.parameters]
+    uniform, varying = symbols[: of.n_uniform], symbols[of.n_uniform :]
     head += [f"  const double {symbol} = p[{n}];" for n, symbol in enumerate(uniform) if symbol in used]
     if not used.intersection(symbols):
         head.append("  (void)p;")
-    written = {assignment.target[0] for assignment in schedule.outputs}
-    head += [f"  (void){name};" for name in _DERIVATIVES[schedule.level] if name not in written]
+    targets = {assignment.target[0] for assignment in schedule.outputs}
+    head += [f"  (void){name};" for name in written if name not in targets]
     head += ["  LANES_ARE_INDEPENDENT", "  for (int v = 0; v < LANES; ++v) {"]
 
     body = [
         f"const double {symbol} = p[N_UNIFORM + {k} * LANES + v];" for k, symbol in enumerate(varying) if symbol in used
     ]
-    body += [*_inputs(derived.layout, used), *_jacobian_functions(used)]
+    body += [*_inputs(of.layout, used), *_jacobian_functions(used)]
+    for n, symbol in enumerate(direction_symbols(of.layout) if directions else ()):
+        if str(symbol) in used:
+            body.append(f"const double {symbol} = {directions}[{n}][v];")
     body += [f"const double {a.target} = {c_expression(a.value)};" for a in schedule.temporaries]
     body += [f"{_lane(a.target)} = {c_expression(a.value)};" for a in schedule.outputs]
     return "\n".join([*head, *(f"    {line}" for line in body), "  }", "}", ""])

@@ -56,7 +56,8 @@ def test_parameters_may_vary_and_points_come_in_any_number() -> None:
 def test_what_has_no_stress_or_none_that_depends_on_anything() -> None:
     only_G = second_gradient_energy(lambda F, G, p, m: p.a * G[0][0][0] ** 2, "only_G", ("a",))
     found = stress_rates_of(only_G).at(np.eye(2)[None], None, {"a": 2.0}, np.ones((1, 2, 2)))
-    assert not found.by_F.any() and not found.by_parameter.any()
+    assert not found.by_F.any()
+    assert not found.by_parameter.any()
     assert found.by_G is None
     assert [stress_rates_of(ENERGIES[name]).uses_second_gradient for name in ("everything", "solid")] == [True, False]
     with pytest.raises(ValueError, match="needs second gradients"):

@@ -19,6 +19,7 @@ from tmc_vem.system.fields import Polygons
 from tmc_vem.system.friction import FrictionStates
 from tmc_vem.system.places import PointSource
 from tmc_vem.system.point_states import PointStates
+from tmc_vem.system.sensitivity import CellDerivatives, PointForces
 from tmc_vem.system.sides import Sides
 from tmc_vem.system.turned import Turned
 
@@ -286,6 +287,30 @@ class Discretisation(NonlinearSystem, PointSource, Protocol):
     def cell_energies(self, u: Vec, without: str = "") -> Float:
         """(n_cells,) energies in the cells, what is on the sides between them left out; the parameter ``without``,
         where an energy has it, is set to 0."""
+
+    def parameter_derivatives(self, u: Vec, adjoint: Vec | None = None) -> Iterator[CellDerivatives]:
+        """Derivatives of energies and of residuals along an adjoint field with respect to the value that each parameter
+        has in each of this rank's cells, friction left out; all ranks together.
+
+        Raises:
+            InputError: there is an interior penalty.
+        """
+
+    def set_factors(self, region: str, factor_ck: Float) -> None:
+        """From now on, the parameters of a region that vary from cell to cell are the region's times these factors
+        (n_cells, n_varying); rows of cells of other regions are not read.
+
+        Raises:
+            InputError: nothing varies there, or there is an interior penalty.
+        """
+
+    def add_point_forces(self, u: Vec, forces: PointForces, out: Vec) -> None:
+        """Add to ``out`` the sum over quadrature points of ``w (P : grad v + T :. grad grad v)`` for every basis
+        function v; ``forces`` gives P and T at the points of some cells at ``u``. All ranks together."""
+
+    def cell_tangent_action(self, u: Vec, du: Vec, chosen_c: Bool, out: Vec) -> None:
+        """Add to ``out`` the product of ``du`` and the tangent at ``u`` of some cells (n_cells,) of this rank and those
+        of the others alone, constrained rows and columns included. All ranks together."""
 
     def cell_jacobians(self, u: Vec) -> tuple[Float, Float]:
         """(n_cells,) mean and smallest J."""

@@ -23,6 +23,7 @@ from tmc_vem.system.discretisation import Discretisation, Evaluation
 from tmc_vem.system.friction import FrictionStates
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.point_states import PointStates
+from tmc_vem.system.sensitivity import CellDerivatives, PointForces
 from tmc_vem.system.turned import Turned
 
 Float = NDArray[np.float64]
@@ -147,6 +148,28 @@ class TurnedSystem:
     def remember_shear(self, u: Vec, shear_at: Callable[[Float], Float]) -> None:
         """Begin a step at ``u`` with the shear that a function gives at points."""
         self._system.remember_shear(self._plain(u), shear_at)
+
+    def parameter_derivatives(self, u: Vec, adjoint: Vec | None = None) -> Iterator[CellDerivatives]:
+        """Derivatives of this rank's cells with respect to their parameters."""
+        if adjoint is not None:
+            self._turn(adjoint, self._du)
+        return self._system.parameter_derivatives(self._plain(u), None if adjoint is None else self._du)
+
+    def add_point_forces(self, u: Vec, forces: PointForces, out: Vec) -> None:
+        """Add what given stresses at the points of this rank's cells do on every basis function."""
+        self._du.set(0.0)
+        self._system.add_point_forces(self._plain(u), forces, self._du)
+        self._turn_back(self._du)
+        out.axpy(1.0, self._du)
+
+    def cell_tangent_action(self, u: Vec, du: Vec, chosen_c: Bool, out: Vec) -> None:
+        """Add the product of the tangent of some cells alone, and ``du``."""
+        self._turn(du, self._du)
+        product = self._system.create_vector()
+        self._system.cell_tangent_action(self._plain(u), self._du, chosen_c, product)
+        self._turn_back(product)
+        out.axpy(1.0, product)
+        product.destroy()
 
     def nodal_values(self, u: Vec) -> Float:
         """Values (n_nodes, 2) of this rank's nodes, ghosts included."""

@@ -43,6 +43,7 @@ from tmc_vem.vem.pattern import parallel_matrix, serial_matrix
 from tmc_vem.vem.point_states import point_states
 from tmc_vem.vem.point_weights import locate
 from tmc_vem.vem.polygons import node_labels, node_points, polygons_through_nodes
+from tmc_vem.vem.sensitivity import WithSensitivities
 from tmc_vem.vem.spaces.element import element_groups
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 
@@ -53,7 +54,7 @@ T = TypeVar("T")
 Evaluated = tuple[list[CellValues], list[tuple[SideTerms, tuple[Float, Float]]]]  # of blocks, and of sides
 
 
-class VemSystem(WithFriction):
+class VemSystem(WithSensitivities, WithFriction):
     """Stabilization-free virtual elements for a potential of F and G; implements ``Discretisation``.
 
     Args:

@@ -12,3 +12,6 @@ CELLS: Signatures = {
 }
 
 SIGNATURES: Signatures = {**POINTS, **CELLS}
+
+# The same of by_parameters_abi.h.
+CELLS_BY_PARAMETERS: Signatures = {"tmc_cells_by_parameters": (INT64, (ARRAY,) * 6)}

@@ -64,6 +64,7 @@ class CellBatch:
             one degree higher and without the constant, see :mod:`tmc_vem.vem.spaces.potential`.
         factor_ck: (n_cells, n_varying) what multiplies the parameters that vary from cell to cell.
         friction: of the cells, which changes between load steps; None for none.
+        taken_from: cells that these were taken from, and which of them, where factors may change.
     """
 
     shape_c: Int32
@@ -81,6 +82,7 @@ class CellBatch:
     has_potential: bool = False
     factor_ck: Array | None = None
     friction: FrictionPacks | None = None
+    taken_from: tuple[CellBatch, NDArray[Any] | slice] | None = None
 
     @staticmethod
     def pack(
@@ -131,7 +133,18 @@ class CellBatch:
             self.second_degree, self.n_pieces, self.n_translated, self.has_potential,
             None if self.factor_ck is None else np.ascontiguousarray(self.factor_ck[cells]),
             None if self.friction is None else self.friction.take(cells),
+            None if self.factor_ck is None else (self, cells),
         )  # fmt: skip
+
+    def refresh(self) -> None:
+        """Follow the cells that these were taken from in what changes during a run."""
+        if self.friction is not None:
+            self.friction.refresh()
+        if self.taken_from is not None and self.factor_ck is not None:
+            source, cells = self.taken_from
+            source.refresh()
+            assert source.factor_ck is not None
+            self.factor_ck[:] = source.factor_ck[cells]
 
     @property
     def n_cells(self) -> int:

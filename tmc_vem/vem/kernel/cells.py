@@ -66,14 +66,13 @@ class CellKernel(Kernel):
         """
         self._check_batch(batch)
         self.check_parameters(parameters)
-        u_ni = _nodal("u_ni", u_ni, batch)
-        if residual_ni is not None and _nodal("residual_ni", residual_ni, batch) is not residual_ni:
+        u_ni = nodal("u_ni", u_ni, batch)
+        if residual_ni is not None and nodal("residual_ni", residual_ni, batch) is not residual_ni:
             raise ValueError("residual_ni must be a C-contiguous array of doubles")
         level = TANGENT if tangents is not None else ENERGY if residual_ni is None else GRADIENT
         energy_c, min_j_c = np.empty(batch.n_cells), np.empty(batch.n_cells)
         struct = None if tangents is None else _checked_tangents(tangents, batch)
-        if batch.friction is not None:
-            batch.friction.refresh()
+        batch.refresh()
         status = self._lib.tmc_cells(
             level, ctypes.byref(batch.struct), address(u_ni), address(parameters), address(energy_c),
             address(min_j_c), address(residual_ni), None if struct is None else ctypes.byref(struct),
@@ -88,7 +87,7 @@ class CellKernel(Kernel):
             ValueError: an array has a wrong shape or is not C-contiguous.
             MemoryError: the work space could not be allocated.
         """
-        u_ni, du_ni = _nodal("u_ni", u_ni, batch), _nodal("du_ni", du_ni, batch)
+        u_ni, du_ni = nodal("u_ni", u_ni, batch), nodal("du_ni", du_ni, batch)
         step_c = np.empty(batch.n_cells)
         status = self._lib.tmc_max_step(ctypes.byref(batch.struct), address(u_ni), address(du_ni), address(step_c))
         require_memory(self.name, status)
@@ -140,7 +139,12 @@ def require_memory(kernel: str, status: int) -> None:
         raise MemoryError(f"kernel '{kernel}' could not allocate its work space")
 
 
-def _nodal(name: str, u_ni: Array, batch: CellBatch) -> Array:
+def nodal(name: str, u_ni: Array, batch: CellBatch) -> Array:
+    """Values of nodes as kernels take them.
+
+    Raises:
+        ValueError: they have another shape, or are too few.
+    """
     if np.ndim(u_ni) != 2 or np.shape(u_ni)[1] != 2 or len(u_ni) < batch.n_nodes:
         raise ValueError(f"{name} has shape {np.shape(u_ni)}, expected ({batch.n_nodes} or more, 2)")
     return np.ascontiguousarray(u_ni, dtype=np.float64)

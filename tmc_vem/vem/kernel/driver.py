@@ -16,6 +16,13 @@ CELL_DRIVER = Driver(
     files=(
         LANE_PRODUCTS,
         STEP_LIMIT,
-        *(HERE / name for name in ("shapes.c", "friction.c", "residual.c", "tangent.c", "entries.c")),
+        *(HERE / name for name in ("shapes.c", "friction.c", "polynomials.c", "residual.c", "tangent.c", "entries.c")),
     ),
+)
+
+# Derivatives with respect to parameters, which have a library of their own.
+PARAMETER_DRIVER = Driver(
+    header=HERE / "by_parameters_abi.h",
+    files=(LANE_PRODUCTS, *(HERE / name for name in ("shapes.c", "polynomials.c", "by_parameters.c"))),
+    shared_headers=(CELL_DRIVER.header,),
 )
