@@ -7,13 +7,14 @@ of the energy, whatever its form, nothing is compiled, and parameters may vary f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from codegen.adjoint import backwards, forwards
 from codegen.errors import CodegenError
 from codegen.integrand import DEFORMATION_GRADIENT, Integrand
 from codegen.layout import Input
@@ -27,38 +28,6 @@ Value = Any  # a number, or an array of the points
 ACROSS = "F33"
 AT_ONCE = 4096  # points whose values are in the processor's cache together
 _PLANE = ("F11", "F21", "F12", "F22")  # the order of Appendix C
-
-_FUNCTIONS: Mapping[str, Callable[..., Value]] = {
-    "+": lambda a, b: a + b,
-    "-": lambda a, b: a - b,
-    "*": lambda a, b: a * b,
-    "/": lambda a, b: a / b,
-    "**": lambda a, b: a**b,
-    "neg": lambda a: -a,
-    "exp": np.exp,
-    "log": np.log,
-    "sqrt": np.sqrt,
-    "sin": np.sin,
-    "cos": np.cos,
-    "atan": np.arctan,
-    "atan2": np.arctan2,
-}
-# Derivatives with respect to each argument, of the value itself and the arguments.
-_SLOPES: Mapping[str, Sequence[Callable[..., Value]]] = {
-    "+": (lambda v, a, b: 1.0, lambda v, a, b: 1.0),
-    "-": (lambda v, a, b: 1.0, lambda v, a, b: -1.0),
-    "*": (lambda v, a, b: b, lambda v, a, b: a),
-    "/": (lambda v, a, b: 1.0 / b, lambda v, a, b: -v / b),
-    "**": (lambda v, a, b: b * a ** (b - 1.0),),
-    "neg": (lambda v, a: -1.0,),
-    "exp": (lambda v, a: v,),
-    "log": (lambda v, a: 1.0 / a,),
-    "sqrt": (lambda v, a: 0.5 / v,),
-    "sin": (lambda v, a: np.cos(a),),
-    "cos": (lambda v, a: -np.sin(a),),
-    "atan": (lambda v, a: 1.0 / (1.0 + a * a),),
-    "atan2": (lambda v, y, x: x / (x * x + y * y), lambda v, y, x: -y / (x * x + y * y)),
-}
 
 
 @dataclass(frozen=True)
@@ -109,48 +78,19 @@ class Stress:
 
     def _slopes(self, F: Float, G: Float | None, parameters: Mapping[str, Value]) -> dict[str, Value]:
         """Derivatives with respect to the components of F, by name."""
-        read = {"variable": self._variables(F, G), "parameter": parameters}
+        read = {"variable": variables_of(F, G if self.uses_second_gradient else None), "parameter": parameters}
         with np.errstate(all="ignore"):  # what is no number shows in the values
-            return self._backwards(self._forwards(read))
+            slopes = backwards(self.nodes, self.moved, forwards(self.nodes, read))
+        return {name: slope for (_, name), slope in slopes.items()}
 
-    def _variables(self, F: Float, G: Float | None) -> dict[str, Value]:
-        found: dict[str, Value] = {name: np.ascontiguousarray(F[..., n % 2, n // 2]) for n, name in enumerate(_PLANE)}
-        found[ACROSS] = 1.0
-        if self.uses_second_gradient and G is not None:
-            found |= {
-                f"G{i + 1}{j + 1}{k + 1}": np.ascontiguousarray(G[..., i, j, k]) for i, j, k in np.ndindex(2, 2, 2)
-            }
-        return found
 
-    def _forwards(self, read: Mapping[str, Mapping[str, Value]]) -> list[Value]:
-        values: list[Value] = []
-        for node in self.nodes:
-            if node.op == "const":
-                values.append(node.value)
-            elif node.op in read:
-                values.append(read[node.op][str(node.value)])
-            else:
-                values.append(_FUNCTIONS[node.op](*(values[n] for n in node.args)))
-        return values
-
-    def _backwards(self, values: Sequence[Value]) -> dict[str, Value]:
-        """Derivatives of the last value by name of the variable."""
-        slopes: list[Value] = [None] * len(self.nodes)
-        slopes[-1] = 1.0
-        found = {}
-        for n in range(len(self.nodes) - 1, -1, -1):
-            node, slope = self.nodes[n], slopes[n]
-            slopes[n] = None  # not needed any more
-            if slope is None or not self.moved[n]:
-                continue
-            if node.op == "variable":
-                found[str(node.value)] = slope
-            arguments = [values[arg] for arg in node.args]
-            for arg, derivative in zip(node.args, _SLOPES.get(node.op, ()), strict=False):
-                if self.moved[arg]:
-                    part = slope * derivative(values[n], *arguments)
-                    slopes[arg] = part if slopes[arg] is None else slopes[arg] + part
-        return found
+def variables_of(F: Float, G: Float | None) -> dict[str, Value]:
+    """Components of F, its third direction included, and of G, if there is one, by name."""
+    found: dict[str, Value] = {name: np.ascontiguousarray(F[..., n % 2, n // 2]) for n, name in enumerate(_PLANE)}
+    found[ACROSS] = 1.0
+    if G is not None:
+        found |= {f"G{i + 1}{j + 1}{k + 1}": np.ascontiguousarray(G[..., i, j, k]) for i, j, k in np.ndindex(2, 2, 2)}
+    return found
 
 
 def stress_of(integrand: Integrand) -> Stress:

@@ -224,5 +224,5 @@ def test_every_body_of_every_demo_is_in_balance_at_the_end(file: Path) -> None:
 def test_a_gauge_is_made_of_the_cells_at_the_surface_only(loaded: Solved) -> None:
     gauge = loaded.simulation.recorder.contact
     assert isinstance(gauge, ContactGauge)
-    asked = gauge._chosen_c
+    asked = gauge.chosen_c
     assert 0 < asked.sum() < len(asked)

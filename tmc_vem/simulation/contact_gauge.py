@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.integrand import Integrand
-from tmc_vem.problems.contact_quantities import quantities_of
+from tmc_vem.problems.contact_quantities import pair_name, quantities_of
 from tmc_vem.results.contact.curves import ContactCurves
+from tmc_vem.results.contact.facing import facing
 from tmc_vem.results.contact.friction import SurfaceFriction
-from tmc_vem.results.contact.pairs import measure
+from tmc_vem.results.contact.pairs import measure, pairs_of
 from tmc_vem.results.contact.solids import same_points
 from tmc_vem.results.contact.surface import Surface
 from tmc_vem.results.contact.traction import Traction
@@ -33,6 +34,7 @@ from tmc_vem.system.layout import DISPLACEMENT
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 Contact = dict[str, dict[str, float]]
 
 
@@ -46,6 +48,8 @@ class ContactGauge:
         frictional: names of the media with friction.
 
     Attributes:
+        nodes: (n,) nodes on the surface, as positions in this rank's part of a vector.
+        chosen_c: (n_cells,) cells of solids of this rank that have such nodes.
         is_used: whether any solid is in medium.
         friction: what friction does there.
     """
@@ -61,19 +65,19 @@ class ContactGauge:
         parts = comm.gather((polygons_of(system, tuple(media)), system.cell_numbers(), labels[on_cells, :2]))
         self._surface: Surface | None = None
         nodes, cells, self._medium_cells = comm.scatter(on_root(comm, lambda: self._find(parts or (), order)) or ())
-        self._nodes = on_cells[nodes]
-        self._chosen_c = np.zeros(len(system.cell_numbers()), dtype=np.bool_)
-        self._chosen_c[cells] = True
+        self.nodes = on_cells[nodes]
+        self.chosen_c = np.zeros(len(system.cell_numbers()), dtype=np.bool_)
+        self.chosen_c[cells] = True
         first = sum(comm.allgather(len(labels))[: comm.rank])
-        self._axes_nij = system.turned().of(first + self._nodes)
+        self._axes_nij = system.turned().of(first + self.nodes)
         self.is_used: bool = from_root(comm, lambda: self._surface is not None)
 
     def traction(self, u: Vec, residual: Vec) -> Traction | None:
         """What acts on the surface at a state with its residual; on rank 0, None on others and without a surface."""
         if not self.is_used:
             return None
-        system, nodes = self._system, self._nodes
-        resisted = system.internal_forces(u, self._chosen_c)[nodes] - system.external_forces(u)[nodes]
+        system, nodes = self._system, self.nodes
+        resisted = system.internal_forces(u, self.chosen_c)[nodes] - system.external_forces(u)[nodes]
         u_ni = DISPLACEMENT.nodal(u.getArray(readonly=True))[nodes]
         held_ni = DISPLACEMENT.nodal(system.holding_forces(residual))[nodes]
         u_ni, held_ni = (np.einsum("nij,nj->ni", self._axes_nij, values) for values in (u_ni, held_ni))
@@ -105,6 +109,50 @@ class ContactGauge:
             return measure(traction, functools.partial(self.friction.measured, traction, found, along_path=along_path))
 
         return from_root(self._system.comm, make)
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the bodies with a surface, equal on all ranks."""
+        return from_root(self._system.comm, lambda: self._surface.bodies if self._surface is not None else ())
+
+    def shares(self, of: str, u: Vec, residual: Vec) -> Float | None:
+        """(n,) part of the medium's force on each of :attr:`nodes` that is that on a body, or on the first one of a
+        pair that face each other in a state; None if there is no such body, and no such pair in the state. All ranks
+        call this.
+
+        Args:
+            of: name of the body, or of the pair.
+            u, residual: the state.
+        """
+        traction = None if of in self.names() else self.traction(u, residual)
+        counts = self._system.comm.gather(len(self.nodes))
+
+        def make() -> list[Float] | None:
+            if counts is None or self._surface is None:
+                return None
+            chosen = self._stations_of(of, traction)
+            if chosen is None:
+                return None
+            surface = self._surface
+            share_n = np.bincount(self._station, surface.share_n * chosen, int(np.sum(counts))).astype(np.float64)
+            return np.split(share_n, np.cumsum(counts)[:-1])
+
+        parts = on_root(self._system.comm, make)
+        if from_root(self._system.comm, lambda: parts is None):
+            return None
+        found: Float = self._system.comm.scatter(parts or ())
+        return found
+
+    def _stations_of(self, of: str, traction: Traction | None) -> Bool | None:
+        """(n_stations,) which stations a body has, or the first one of a pair in a state."""
+        assert self._surface is not None
+        surface = self._surface
+        if of in surface.bodies:
+            chosen: Bool = surface.body_n == surface.bodies.index(of)
+            return chosen
+        for pair in pairs_of(traction, facing(traction)) if traction is not None else ():
+            if pair_name(surface.bodies, pair.bodies, surface.joint) == of:
+                return pair.first_n
+        return None
 
     def go_on(self, u: Vec, slip: Sequence[Sequence[float]]) -> None:
         """Go on from a state, and the slip there as :meth:`FrictionGauge.plain_slip` has given it."""

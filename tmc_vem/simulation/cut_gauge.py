@@ -44,6 +44,12 @@ class Cut:
 
     Raises:
         InputError: it cuts nothing.
+
+    Attributes:
+        left_c: (n_cells,) cells of this rank on the left, of those that are cut.
+        nodes: (n,) nodes on the cut, as positions in this rank's part of a vector.
+        points_nx: (n, 2) where they are in the reference configuration.
+        middle: (2,) middle of the line.
     """
 
     def __init__(self, probe: CutForce, problem: Problem, system: Discretisation) -> None:
@@ -52,10 +58,10 @@ class Cut:
         region_c = np.array(polygons.region_names)[polygons.region_c]
         chosen_c = region_c == probe.region if probe.region else ~np.isin(region_c, media)
         points = polygons.points_nx
-        self._left_c, both, _ = cut_points(points, polygons.offsets, polygons.connectivity, chosen_c, probe.line)
+        self.left_c, both, _ = cut_points(points, polygons.offsets, polygons.connectivity, chosen_c, probe.line)
         sides = [
             np.unique(polygons.connectivity[np.repeat(members, np.diff(polygons.offsets))])
-            for members in (self._left_c, chosen_c & ~self._left_c)
+            for members in (self.left_c, chosen_c & ~self.left_c)
         ]
         near = [points[some[self._is_near(points[some], probe)]] for some in sides]
         parts = system.comm.allgather((points[both], *near))
@@ -65,9 +71,9 @@ class Cut:
             raise InputError(f"the cut from {said_line(probe.line)} goes through no inner side")
         labels = system.node_labels()
         here = np.flatnonzero(labels[:, 2] == 0.0)
-        self._nodes: Int = here[_near(labels[here, :2], places_nx, SAME * system.size)]
-        self._points_nx = labels[self._nodes, :2]
-        self._middle = np.array(probe.middle)
+        self.nodes: Int = here[_near(labels[here, :2], places_nx, SAME * system.size)]
+        self.points_nx = labels[self.nodes, :2]
+        self.middle = np.array(probe.middle)
         self._place: Places | None = None
 
     def _is_near(self, points_nx: Float, probe: CutForce) -> Bool:
@@ -81,13 +87,13 @@ class Cut:
     def read(self, state: State, *, moment: bool) -> Float:
         """Force (2,) on the left of the cut and, if it is wanted, its moment about the middle."""
         system = self._system
-        force_ni = system.internal_forces(state.u, self._left_c)[self._nodes]
+        force_ni = system.internal_forces(state.u, self.left_c)[self.nodes]
         total = [*force_ni.sum(axis=0), 0.0]
         if moment:
-            self._place = self._place or Places(system, self._middle[None])
-            about = self._middle + self._place.displacements(state.u)[0]
-            moved_ni = along_x_and_y(system, state.u)[self._nodes]
-            x, y = (self._points_nx + moved_ni - about).T
+            self._place = self._place or Places(system, self.middle[None])
+            about = self.middle + self._place.displacements(state.u)[0]
+            moved_ni = along_x_and_y(system, state.u)[self.nodes]
+            x, y = (self.points_nx + moved_ni - about).T
             total[2] = float(x @ force_ni[:, 1] - y @ force_ni[:, 0])
         found: Float = np.sum(system.comm.allgather(np.array(total)), axis=0)
         return found
@@ -112,13 +118,16 @@ def make_cut_reader(probes: Mapping[str, CutForce], problem: Problem, system: Di
 
 
 def _component(probe: CutForce, force: Float) -> float:
+    return float(force[2] if probe.component == "moment" else force[:2] @ direction_of(probe))
+
+
+def direction_of(probe: CutForce) -> Float:
+    """(2,) unit vector along which the force through a cut is taken; no moment has one."""
     (x0, y0), (x1, y1) = probe.line
     along = np.array([x1 - x0, y1 - y0]) / np.hypot(x1 - x0, y1 - y0)
     out = np.array([along[1], -along[0]])  # of the left part
-    values = {
-        "x": force[0], "y": force[1], "normal": force[:2] @ out, "shear": force[:2] @ along, "moment": force[2],
-    }  # fmt: skip
-    return float(values[probe.component])
+    directions: dict[str, Float] = {"x": np.eye(2)[0], "y": np.eye(2)[1], "normal": out, "shear": along}
+    return directions[probe.component]
 
 
 def _near(points_nx: Float, places_nx: Float, tolerance: float) -> Int:

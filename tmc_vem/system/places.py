@@ -97,3 +97,9 @@ class Places:
         for where, values in parts:
             found[where] = values
         return found
+
+    def spread(self, force_ni: Float) -> Float:
+        """(n_nodes, 2) forces at this rank's nodes, ghosts included, that do the work of forces (n, 2) at the points;
+        those of all ranks together."""
+        spread_ni: Float = self._weights.T @ force_ni[self._mine]
+        return spread_ni
