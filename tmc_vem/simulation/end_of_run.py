@@ -39,9 +39,7 @@ class EndOfRun:
     kept: Sequence[Float]
 
     @staticmethod
-    def of(
-        problem: Problem, options: RunOptions, system: Discretisation, u: Vec, last: StepRecord
-    ) -> EndOfRun:
+    def of(problem: Problem, options: RunOptions, system: Discretisation, u: Vec, last: StepRecord) -> EndOfRun:
         """That of a run whose last step has led to ``u``."""
         stage, kept = system.memory()
         position = Control(last.load, last.parameters)
