@@ -10,7 +10,7 @@ from tmc_vem.energy.registry import Energy
 
 STIFFNESS = "stiffness"
 MEDIUM_MODULUS = "mu_medium"  # what the medium's mu is called beside that of the solid
-_OBJECTIVE, _ROTATION, _STRESS_FREE = "objective", "max_rotation", "stress_free"
+_TRUE_OF_SUMS = ("objective", "max_rotation", "stress_free", "domain")
 
 
 class _Renamed:
@@ -52,4 +52,4 @@ def solid_in_medium(solid: Energy, medium: Energy) -> Energy:
 def _restrictions(density: Any) -> dict[str, Any]:
     """What an author has declared that is true of a sum as well."""
     facts = declared(density)
-    return {key: facts[key] for key in (_OBJECTIVE, _ROTATION, _STRESS_FREE) if key in facts}
+    return {key: facts[key] for key in _TRUE_OF_SUMS if key in facts}

@@ -1,8 +1,8 @@
 """Numbers of a problem by the way to them, and what a problem changes by per unit of one.
 
-A number is found as in ``--set``: ``regions.block.solid.E`` of a problem file, ``medium.gamma`` of a benchmark. What it
-changes, parameters of energies, prescribed displacements, forces, follows from the problem itself, made anew with values
-nearby: these are smooth functions that cost nothing, so that extrapolated differences are exact to rounding. The
+A number is found as in ``--set``: ``regions.block.solid.E`` of a problem file, ``medium.gamma`` of a benchmark. What
+it changes, parameters of energies, prescribed displacements, forces, follows from the problem itself, made anew with
+values nearby: these are smooth functions that cost nothing, so that extrapolated differences are exact to rounding. The
 equilibrium is not solved for again.
 """
 
