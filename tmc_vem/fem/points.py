@@ -93,6 +93,32 @@ class QuadraturePoints:
         loads: Float = np.einsum("cq,qa,cqi->cai", self.w_cq, self.values_qa, f_cqi)
         return loads
 
+    def nodal_forces(
+        self, P_cqij: Float, T_cqijk: Float | None, cells: NDArray[np.intp] | slice = slice(None)
+    ) -> Float:
+        """Forces (n_cells, n_basis, 2) whose work on a displacement v is ``sum_q w (P : grad v + T :. grad grad v)``.
+
+        The transpose of :meth:`gradients`.
+
+        Args:
+            P_cqij, T_cqijk: what works on gradients and second gradients at the points of some cells; no T is zero.
+            cells: these cells.
+        """
+        K, w_cq = self.K_cqrj[cells], self.w_cq[cells]
+        first = P_cqij
+        reference = np.empty((len(w_cq), 2 if T_cqijk is None else 5, *w_cq.shape[1:], 2))
+        if T_cqijk is not None:
+            half = np.einsum("cqijk,cqtk->cqijt", T_cqijk, K)
+            second = np.einsum("cqijt,cqsj->cqist", half, K)
+            mixed = second[..., 0, 1] + second[..., 1, 0]
+            reference[:, 2], reference[:, 3], reference[:, 4] = second[..., 0, 0], mixed, second[..., 1, 1]
+            first = first - np.einsum("cqi,cj->cqij", mixed, self.H_cx[cells])
+        reference[:, :2] = np.einsum("cqij,cqrj->crqi", first, K)
+        reference *= w_cq[:, None, :, None]
+        table = self.table_rqa[: reference.shape[1]].reshape(-1, self.table_rqa.shape[2])
+        forces: Float = table.T @ reference.reshape(len(w_cq), -1, 2)
+        return forces
+
     def _reference(self, u_cai: Float, n_rows: int) -> Float:
         """Reference derivatives (n_cells, n_rows, n_points, 2)."""
         table = self.table_rqa[:n_rows]
