@@ -85,7 +85,9 @@ class QuadraturePoints:
         # second derivatives of the map enter through the chain rule; on straight cells only the mixed one is not zero
         bent = np.einsum("cqij,cj->cqi", first, H)
         second[..., 0, 1] = second[..., 1, 0] = reference[:, 3] - bent
-        return first, np.swapaxes(K, 2, 3)[:, :, None] @ (second @ K[:, :, None])
+        half: Float = second @ K[:, :, None]
+        physical: Float = K.swapaxes(2, 3)[:, :, None] @ half
+        return first, physical
 
     def nodal_loads(self, f_cqi: Float) -> Float:
         """Work-equivalent nodal forces (n_cells, n_basis, 2) of a force per area at the points."""
@@ -107,11 +109,11 @@ class QuadraturePoints:
         first = P_cqij
         reference = np.empty((len(w_cq), 2 if T_cqijk is None else 5, *w_cq.shape[1:], 2))
         if T_cqijk is not None:
-            second = K[:, :, None] @ (T_cqijk @ np.swapaxes(K, 2, 3)[:, :, None])
+            second = K[:, :, None] @ (T_cqijk @ K.swapaxes(2, 3)[:, :, None])
             mixed = second[..., 0, 1] + second[..., 1, 0]
             reference[:, 2], reference[:, 3], reference[:, 4] = second[..., 0, 0], mixed, second[..., 1, 1]
             first = first - np.einsum("cqi,cj->cqij", mixed, self.H_cx[cells])
-        reference[:, :2] = np.moveaxis(first @ np.swapaxes(K, 2, 3), 3, 1)
+        reference[:, :2] = np.moveaxis(first @ K.swapaxes(2, 3), 3, 1)
         reference *= w_cq[:, None, :, None]
         table = self.table_rqa[: reference.shape[1]].reshape(-1, self.table_rqa.shape[2])
         forces: Float = table.T @ reference.reshape(len(w_cq), -1, 2)
