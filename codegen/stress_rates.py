@@ -15,13 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.adjoint import Value, backwards, forwards
 from codegen.directional import Rated, RatedMath, RatedParameters, rated
 from codegen.errors import CodegenError
-from codegen.integrand import DEFORMATION_GRADIENT, Integrand
-from codegen.stress import AT_ONCE, variables_of
-from codegen.tape import MathNamespace, Node, ParameterNamespace, Tape, TracedScalar
-from codegen.trace import compact, reachable, trace
+from codegen.integrand import DEFORMATION_GRADIENT, SECOND_GRADIENT, Integrand
+from codegen.record import Record, Value, components, in_parts, namespaces, part_of, record_of
+from codegen.tape import Tape, TracedScalar
+from codegen.trace import trace
 
 Float = NDArray[np.float64]
 
@@ -51,14 +50,14 @@ class StressRates:
     Attributes:
         name: of the energy.
         parameters: names of its parameters, in order.
-        nodes: what the rate takes, in order; the last one is the rate. None if the energy has no stress.
-        moved: (n_nodes,) which of them depend on F, G or a parameter.
+        record: what the rate takes; None if the energy has no stress.
+        moved: (n_nodes,) which nodes of the record depend on F, G or a parameter.
         uses_second_gradient: whether the stress depends on G.
     """
 
     name: str
     parameters: tuple[str, ...]
-    nodes: tuple[Node, ...]
+    record: Record | None
     moved: tuple[bool, ...]
     uses_second_gradient: bool
 
@@ -82,23 +81,22 @@ class StressRates:
         leading = F.shape[:-2]
         by_F, by_parameter = np.zeros(F.shape), np.zeros((*leading, len(self.parameters)))
         by_G = np.zeros((*leading, 2, 2, 2)) if self.uses_second_gradient else None
-        step = max(1, AT_ONCE // max(1, int(np.prod(leading[1:]))))
-        for first in range(0, leading[0] if self.nodes else 0, step):
-            some = slice(first, first + step)
-            read = variables_of(F[some], G[some] if self.uses_second_gradient and G is not None else None)
-            read |= {f"{_ALONG}F{i + 1}{j + 1}": np.ascontiguousarray(A[some][..., i, j]) for i, j in np.ndindex(2, 2)}
+        for some in in_parts(leading) if self.record is not None else ():
+            assert self.record is not None
+            read: dict[str, Value] = components(DEFORMATION_GRADIENT, F[some]) | components(
+                DEFORMATION_GRADIENT, A[some], _ALONG
+            )
+            if by_G is not None and G is not None:
+                read |= components(SECOND_GRADIENT, G[some])
             read[_ACROSS] = 0.0 if across is None else across[some]
-            p = {name: value[some] if np.ndim(value) else value for name, value in parameters.items()}
             with np.errstate(all="ignore"):  # what is no number shows in the values
-                values = forwards(self.nodes, {"variable": read, "parameter": p})
-                slopes = backwards(self.nodes, self.moved, values)
-            for i, j in np.ndindex(2, 2):
-                by_F[some][..., i, j] = slopes.get(("variable", f"F{i + 1}{j + 1}"), 0.0)
-            for i, j, k in np.ndindex(2, 2, 2) if by_G is not None else ():
-                assert by_G is not None
-                by_G[some][..., i, j, k] = slopes.get(("variable", f"G{i + 1}{j + 1}{k + 1}"), 0.0)
+                slopes = self.record.backwards(self.record.forwards(read, part_of(parameters, some)), self.moved)
+            for tensor, entry in ((by_F, DEFORMATION_GRADIENT), (by_G, SECOND_GRADIENT)):
+                for index, name in zip(entry.indices, entry.names, strict=True) if tensor is not None else ():
+                    assert tensor is not None
+                    tensor[some][(..., *index)] = slopes.get(name, 0.0)
             for n, name in enumerate(self.parameters):
-                by_parameter[some][..., n] = slopes.get(("parameter", name), 0.0)
+                by_parameter[some][..., n] = slopes.get(name, 0.0)
         return Rates(by_F, by_G, by_parameter)
 
 
@@ -127,18 +125,18 @@ def stress_rates_of(integrand: Integrand) -> StressRates:
                 tape.add("variable", value=_ACROSS) if is_first else None,
             )
         )  # fmt: skip
-    parameters = RatedParameters(ParameterNamespace(tape, integrand.parameter_names))
-    psi = integrand.function(*inputs, parameters, RatedMath(MathNamespace(tape)))
+    p, m = namespaces(tape, integrand)
+    psi = integrand.function(*inputs, RatedParameters(p), RatedMath(m))
     rate = psi.rate if isinstance(psi, Rated) else 0
     if not isinstance(rate, TracedScalar):
-        return StressRates(integrand.name, integrand.parameter_names, (), (), uses_second_gradient=False)
-    nodes, _ = compact(tape.nodes, reachable(tape.nodes, rate.index))
-    moved: list[bool] = []
-    for node in nodes:
-        own = node.op == "parameter" or (node.op == "variable" and not str(node.value).startswith(_ALONG))
-        moved.append(own or any(moved[arg] for arg in node.args))
-    variables = {str(node.value) for node in nodes if node.op == "variable"}
+        return StressRates(integrand.name, integrand.parameter_names, None, (), uses_second_gradient=False)
+    record = record_of(tape, rate)
     return StressRates(
-        integrand.name, integrand.parameter_names, nodes, tuple(moved),
-        uses_second_gradient=any(name.startswith("G") for name in variables),
-    )  # fmt: skip
+        integrand.name,
+        integrand.parameter_names,
+        record,
+        record.depending(
+            lambda node: node.op == "parameter" or (node.op == "variable" and not str(node.value).startswith(_ALONG))
+        ),
+        uses_second_gradient=any(name.startswith("G") for name in record.variables),
+    )
