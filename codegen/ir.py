@@ -68,8 +68,9 @@ class DerivedEnergy:
 class DerivedByParameters:
     """Derivatives with respect to the parameters as sympy expressions.
 
-    ``energy[k]`` is ``d psi / d p_k``, and ``residual[k]`` the derivative of ``sum_a y_a d psi / d x_a`` with respect to
-    ``p_k`` for a direction ``y``. ``n_rows`` is the number of derivative rows up to the last that the energy depends on.
+    ``energy[k]`` is ``d psi / d p_k``, and ``residual[k]`` the derivative of ``sum_a y_a d psi / d x_a`` with respect
+    to ``p_k`` for a direction ``y``. ``n_rows`` is the number of derivative rows up to the last that the energy
+    depends on.
     """
 
     name: str

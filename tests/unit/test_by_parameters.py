@@ -13,14 +13,13 @@ from helpers_penalty import bricks
 from helpers_system import CLAMPED, interpolate, make_system, rates
 
 from codegen.by_parameters import compile_by_parameters
-from codegen.integrand import Integrand, second_gradient_energy
+from codegen.integrand import second_gradient_energy
 from codegen.kernel import GRADIENT, Kernel, compiled
 from codegen.sampling import REGIMES, sample
 from tmc_vem.energy.registry import DENSITIES
 from tmc_vem.mesh import PolygonMesh
 from tmc_vem.problems import Material, Medium
 from tmc_vem.problems.base import RegionEnergy, medium_region, solid_region
-from tmc_vem.problems.graded import ByFormulas, OfMedium
 from tmc_vem.simulation.discretised import _kernels
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.point_states import PointStates

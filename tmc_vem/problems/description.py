@@ -83,13 +83,15 @@ class RegionTable:
     Attributes:
         shape: combination of shapes, such as ``"frame - (seal + lid)"``.
         solid: hyperelastic solid, ``{K = 20, mu = 10}`` for (2).
-        medium: third medium.
+        medium: third medium; with ``solid`` beside it, both make a design region, see ``stiffness``.
         density: energy of your own, ``FILE.py:FUNCTION``, the file relative to the problem file.
         parameters: of that energy.
         hold: ``"medium"`` for a solid without supports of its own that the medium is meant to hold.
         is_medium: whether a region with an energy of its own is third medium; by default if its name starts so.
         graded: formulas of numbers that vary from cell to cell: of the centroid x, y, of cell data of the mesh file by
             name, and of the number itself, ``{E = "E * (1 + x / 2)"}``.
+        stiffness: of a design region, the fraction of the solid in all cells: 0 is the medium alone, 1 the solid; by
+            default 1. ``tmc-vem optimise`` chooses it cell by cell.
     """
 
     shape: str | None = None
@@ -100,12 +102,25 @@ class RegionTable:
     hold: str | None = None
     is_medium: bool | None = None
     graded: Mapping[str, str] = field(default_factory=dict)
+    stiffness: float | None = None
+
+    @property
+    def is_design(self) -> bool:
+        """Whether it is a design region: a solid in a medium."""
+        return self.solid is not None and self.medium is not None
 
     def __post_init__(self) -> None:
         check_hold(self.hold, self.medium is not None)
         given = [name for name in ("solid", "medium", "density") if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise InputError(f"give one of solid, medium and density, not {' and '.join(given) or 'none'}")
+        if len(given) != 1 and given != ["solid", "medium"]:
+            raise InputError(
+                f"give one of solid, medium and density, or solid and medium for a design region, not "
+                f"{' and '.join(given) or 'none'}"
+            )
+        if self.stiffness is not None and not self.is_design:
+            raise InputError(f"stiffness = {self.stiffness:g} is for design regions, which have a solid and a medium")
+        if self.is_design and self.graded:
+            raise InputError("graded is for a solid or a medium alone: in a design region the design varies")
         if self.is_medium is not None and self.density is None:
             raise InputError("is_medium is for a density of your own; 'medium = {...}' is third medium as it is")
         for name in self.graded:

@@ -23,9 +23,10 @@ from tmc_vem.problems.base import RegionEnergy, medium_region, solid_region
 from tmc_vem.problems.columns import check_names
 from tmc_vem.problems.conditions import check_conditions
 from tmc_vem.problems.description import MediumTable, ProblemTable, RegionTable
+from tmc_vem.problems.design_region import design_region
 from tmc_vem.problems.graded import ByFormulas, OfParameters
 from tmc_vem.problems.load_tables import Load
-from tmc_vem.problems.materials import Medium
+from tmc_vem.problems.materials import Material, Medium
 from tmc_vem.problems.mesh_tables import EdgesTable
 from tmc_vem.problems.probes import GAP, Gap, Place, Probe, check_probes
 from tmc_vem.problems.regularisers import require_traceable
@@ -216,7 +217,9 @@ class OwnProblem:
         found = {}
         for name, region in self.table.regions.items():
             try:
-                if region.solid is not None:
+                if region.solid is not None and region.medium is not None:
+                    found[name] = self._design(region.solid, region.medium, region.stiffness)
+                elif region.solid is not None:
                     found[name] = solid_region(region.solid, region.hold, region.graded)
                 elif region.medium is not None:
                     found[name] = self._medium(region.medium, moduli, region.graded)
@@ -236,15 +239,22 @@ class OwnProblem:
             sorted({name for region in regions for number in region.graded for name in region.cell_data(number)})
         )
 
-    def _medium(self, table: MediumTable, moduli: Sequence[float], graded: Mapping[str, str]) -> RegionEnergy:
+    def _design(self, material: Material, table: MediumTable, stiffness: float | None) -> RegionEnergy:
+        """A solid and a medium, of whose energies the solid's is weighted."""
+        one = 1.0 if stiffness is None else stiffness
+        return design_region(material, self._made(table), one, table.mu, self._width(table))
+
+    def _made(self, table: MediumTable) -> Medium:
         values = {key: getattr(table, key) for key in OF_MEDIUM}
+        return Medium(**values, regulariser=self._found(table.regulariser))
+
+    def _medium(self, table: MediumTable, moduli: Sequence[float], graded: Mapping[str, str]) -> RegionEnergy:
         mu = table.mu
         if mu is None:
             if not moduli or max(moduli) - min(moduli) > SAME_MODULUS * max(moduli):
                 raise InputError("medium lacks 'mu': the solids have several shear moduli or none, so say which")
             mu = moduli[0]
-        medium = Medium(**values, regulariser=self._found(table.regulariser))
-        return medium_region(medium, mu, self._width(table), graded)
+        return medium_region(self._made(table), mu, self._width(table), graded)
 
     def _width(self, table: MediumTable) -> float | None:
         """Initial width of the gap, which alpha needs.

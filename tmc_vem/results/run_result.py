@@ -7,6 +7,7 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -50,6 +51,8 @@ class RunResult:
         lowered: states beside the load steps, with lower gamma at the load of step ``limit_of``.
         unfinished: 'running', 'interrupted' or 'unknown' for a run that has no result yet, or never will. Its sizes are
             0 where they are not known.
+        end: the last state, :class:`tmc_vem.simulation.end_of_run.EndOfRun`, of a run of this process; None of a result
+            that was read from a directory.
     """
 
     inputs: Mapping[str, Any]
@@ -76,6 +79,7 @@ class RunResult:
     curves: ContactCurves | None = field(default=None, repr=False, compare=False)
     limit: GammaLimit | None = None
     lowered: Sequence[StepRecord] = field(default=(), repr=False)
+    end: Any = field(default=None, repr=False, compare=False)
 
     @property
     def state(self) -> str:
@@ -149,6 +153,22 @@ class RunResult:
         from tmc_vem.results.contact_files import curves_at
 
         return self.curves if load is None and self.curves is not None else curves_at(self, load)
+
+    def gradient(self, of: Any, by: str, *, per_cell: bool = False) -> Any:
+        """Derivative of a result at the last state with respect to a number of the problem, by an adjoint field.
+
+        ``result.gradient("gap", "regions.block.solid.E")``; for several, :func:`tmc_vem.sensitivity.sensitivities` does
+        the work once. See docs/howto/sensitivities.md.
+
+        Args:
+            of: a probe by name, ``reaction``, ``displacement``, ``energy``, ``compliance``, ... or a functional.
+            by: a number by name as in ``--set``, or ``REGION.PARAMETER`` of an energy.
+            per_cell: an array (n_cells,) with the derivative by the number in each cell alone.
+
+        Raises:
+            InputError: there is no such result or number, or no derivative.
+        """
+        return import_module("tmc_vem.sensitivity").sensitivities(self).gradient(of, by, per_cell=per_cell)
 
     def to_pandas(self) -> Any:
         """Load steps as a pandas data frame, see :func:`tmc_vem.results.export.to_pandas`."""

@@ -17,6 +17,7 @@ from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.results.unfinished import how_to_go_on
 from tmc_vem.simulation.discretised import discretise, require_finite_start
+from tmc_vem.simulation.end_of_run import EndOfRun
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.options import PATH, RunOptions
 from tmc_vem.simulation.plan import control_path, loads_of, order_of, run_inputs, snapshot_times
@@ -250,10 +251,13 @@ class Simulation:
             except TmcError:
                 monitor.aborted()
                 raise
-        return recorder.finish(
+        result = recorder.finish(
             outcome, u, self.options.solver, cut_short=budget.used_up, lowering=self.lowering,
             along_path=self.options.extrapolate_gamma == PATH,
         )  # fmt: skip
+        if result.last is None:
+            return result
+        return replace(result, end=EndOfRun.of(self.problem, self.options, self.system, u, result.last))
 
     def _go_along(
         self,

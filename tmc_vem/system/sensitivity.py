@@ -13,8 +13,8 @@ from tmc_vem.system.point_states import PointStates
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-# Forces at the points of some cells: on gradients P_cqij, and on second gradients T_cqijk or None; None altogether where
-# there are none.
+# Forces at the points of some cells: on gradients P_cqij, and on second gradients T_cqijk or None; None where there are
+# none at all.
 PointForces = Callable[[PointStates], tuple[Float, Float | None] | None]
 
 

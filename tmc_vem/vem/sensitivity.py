@@ -22,7 +22,10 @@ from tmc_vem.vem.point_states import point_states
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
-NO_PENALTY = "the interior penalty has parameters on sides between cells, which belong to two of them: use --interior-penalty none"
+NO_PENALTY = (
+    "the interior penalty has parameters on sides between cells, which belong to two of them: use "
+    "--interior-penalty none"
+)
 
 
 def derivatives_of(block: Block, u_ni: Float, adjoint_ni: Float | None) -> CellDerivatives:

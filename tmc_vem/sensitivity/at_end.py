@@ -1,0 +1,172 @@
+"""Derivatives at the last state of a run: of a result of this process, or of a run directory with a checkpoint."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from tmc_vem.problems.base import Problem
+from tmc_vem.results.records import PROBLEM, StepRecord
+from tmc_vem.results.run_result import RunResult
+from tmc_vem.sensitivity.equilibrium import Equilibrium
+from tmc_vem.sensitivity.functionals_record import Functional
+from tmc_vem.sensitivity.gradient import Gradients, refuse_friction
+from tmc_vem.simulation.checkpoint import Checkpoint, require_same_inputs
+from tmc_vem.simulation.options import RunOptions
+from tmc_vem.simulation.plan import run_inputs
+from tmc_vem.simulation.problem_file import read_problem
+from tmc_vem.simulation.saved import Saved
+from tmc_vem.simulation.simulation import Simulation, prepare
+from tmc_vem.support.distributed import Comm, Vec
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.control import Control
+
+Float = NDArray[np.float64]
+
+
+class SensitivityWarning(UserWarning):
+    """A derivative is that of a branch that another problem nearby may not follow."""
+
+
+class Sensitivities:
+    """Derivatives at one state, all with the factors of one tangent; all ranks make and use it together.
+
+    Args:
+        problem: what was solved.
+        equilibrium: the state.
+        history: the steps that have led to it.
+
+    Attributes:
+        doubts: why values nearby may not follow the derivatives, in sentences; empty if nothing is known.
+    """
+
+    def __init__(self, problem: Problem, equilibrium: Equilibrium, history: Sequence[StepRecord] = ()) -> None:
+        self.gradients = Gradients(problem, equilibrium)
+        self.doubts = _doubts(equilibrium, history)
+        self._has_warned = False
+
+    def value(self, of: str | Functional) -> float:
+        """A result itself.
+
+        Raises:
+            InputError: there is no such result, or it has no derivative.
+        """
+        return self.gradients.sensitivity(of).value
+
+    def per_load(self, of: str | Functional) -> float:
+        """Its derivative along the path, per load factor.
+
+        Raises:
+            InputError: there is no such result, or it has no derivative.
+        """
+        return self.gradients.sensitivity(of).per_load
+
+    def gradient(self, of: str | Functional, by: str, *, per_cell: bool = False) -> float | Float:
+        """Derivative of a result with respect to a number of the problem.
+
+        Args:
+            of: a probe by name, ``reaction``, ``displacement``, ``energy``, ``compliance``, ... or a functional.
+            by: a number by name as in ``--set``, or ``REGION.PARAMETER`` of an energy alone.
+            per_cell: an array (n_cells of the whole mesh,) with the derivative by the number in each cell alone, 0
+                where cells do not have it; its sum is the derivative by the number.
+
+        Returns:
+            In the unit of the result per unit of the number; the same on all ranks.
+
+        Raises:
+            InputError: there is no such result or number, or no derivative.
+        """
+        if self.doubts and not self._has_warned:
+            self._has_warned = True
+            for doubt in self.doubts:
+                warnings.warn(doubt, SensitivityWarning, stacklevel=2)
+        change = self.gradients.by(by)
+        return self.gradients.by_cells(of, change) if per_cell else self.gradients.derivative(of, change)
+
+
+def sensitivities(result: RunResult) -> Sensitivities:
+    """Derivatives at the last state of a run; the discretisation is made once more, nothing is solved again.
+
+    Args:
+        result: of :func:`tmc_vem.run`, or read from the directory of a run of a problem file; then on all ranks.
+
+    Raises:
+        InputError: the result has no state: no step has converged, or the directory has no problem file or checkpoint.
+    """
+    end = result.end
+    if end is None:
+        if result.directory is None:
+            raise InputError("the result has no state to differentiate at: no step has converged")
+        return of_directory(result.directory)
+    refuse_friction(end.problem)
+    simulation = prepare(end.problem, None, end.options, comm=end.comm)
+    u = end.give(simulation.system)
+    equilibrium = Equilibrium(simulation.solver, simulation.system, u, end.position)
+    return Sensitivities(end.problem, equilibrium, result.history)
+
+
+def of_directory(
+    directory: str | Path, problem: Problem | None = None, options: RunOptions | None = None, comm: Comm | None = None
+) -> Sensitivities:
+    """Derivatives at the state of a run directory's last checkpoint.
+
+    Args:
+        directory: of a run.
+        problem, options: that it was made with; by default those of the problem file in it.
+        comm: ranks; all by default.
+
+    Raises:
+        InputError: there is no checkpoint, or no problem file and no problem was given.
+    """
+    path = Path(directory)
+    if problem is None:
+        file = path / PROBLEM
+        if not file.is_file():
+            raise InputError(
+                f"{path} has no {PROBLEM}, as no run of a benchmark has: ask the result of run() in Python for its "
+                "gradient, or give the problem by its name"
+            )
+        problem, options = read_problem(file)
+    refuse_friction(problem)
+    simulation = prepare(problem, None, options, comm=comm or MPI.COMM_WORLD)
+    u = simulation.system.create_vector()
+    history = _read_state(path, simulation, u)
+    last = history[-1]
+    equilibrium = Equilibrium(simulation.solver, simulation.system, u, Control(last.load, last.parameters))
+    return Sensitivities(problem, equilibrium, history)
+
+
+def _read_state(directory: Path, simulation: Simulation, u: Vec) -> list[StepRecord]:
+    """The steps of a checkpoint; ``u`` and the discretisation stand at the last of them afterwards."""
+    system, checkpoint = simulation.system, Checkpoint.read(directory)
+    facts = checkpoint.facts
+    require_same_inputs(facts["inputs"], run_inputs(simulation.problem, simulation.options))
+    saved = Saved.read(checkpoint, system.node_labels(), np.empty((0, 2)), u)
+    saved.give(system, facts.get("stage", 0))
+    history = [StepRecord.from_plain(entry) for entry in facts["history"]]
+    if not history:
+        raise InputError(f"no step of the run in {directory} has converged")
+    if history[-1].parameters:
+        system.set_parameters(history[-1].parameters)
+    return history
+
+
+def _doubts(equilibrium: Equilibrium, history: Sequence[StepRecord]) -> tuple[str, ...]:
+    found = []
+    if equilibrium.is_unstable:
+        found.append(
+            f"the state is unstable ({equilibrium.negative_pivots} negative pivots): the derivative is that of its "
+            "branch, and a run with other numbers may end on another one"
+        )
+    jumps = [record.load for record in history if record.jumped]
+    if jumps:
+        found.append(
+            f"the state lies behind a jump at load factor {jumps[-1]:g}: the derivative is that of the branch that it "
+            "is on; with other numbers the jump may not happen, or lead elsewhere"
+        )
+    return tuple(found)

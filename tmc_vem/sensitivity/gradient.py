@@ -1,0 +1,213 @@
+"""Derivatives of results with respect to numbers of the problem, by adjoint fields.
+
+One adjoint field a result, one back-substitution each; with it, derivatives by any number and by any cell are sums over
+cells (``functionals_record`` has the formula). Several results and numbers share all that can be shared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.problems.base import Problem, with_friction
+from tmc_vem.sensitivity.changes import Change, Changes
+from tmc_vem.sensitivity.equilibrium import Equilibrium
+from tmc_vem.sensitivity.functionals import functional_of
+from tmc_vem.sensitivity.functionals_record import CellParts, Functional
+from tmc_vem.sensitivity.numbers import rate, with_value
+from tmc_vem.support.distributed import Vec
+from tmc_vem.support.errors import InputError
+from tmc_vem.system.layout import DISPLACEMENT
+from tmc_vem.system.sensitivity import CellDerivatives
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class OfCells:
+    """Derivatives of a result by the values that parameters have in some cells.
+
+    Attributes:
+        region: their region.
+        cells: (n_cells,) which of this rank's cells.
+        names: parameters of the region's energy.
+        values_ck: (n_cells, n_names).
+    """
+
+    region: str
+    cells: Int
+    names: tuple[str, ...]
+    values_ck: Float
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """A result at an equilibrium, and what its derivatives are made of.
+
+    Attributes:
+        name: as it was asked for.
+        value: of the result.
+        per_load: its total derivative along the path, per load factor.
+        field: adjoint field.
+        by_prescribed: (n,) derivatives by what is prescribed at this rank's constrained degrees of freedom.
+        of_cells: derivatives by parameters in this rank's cells.
+    """
+
+    name: str
+    value: float
+    per_load: float
+    field: Vec
+    by_prescribed: Float
+    of_cells: Sequence[OfCells]
+
+
+class Gradients:
+    """Derivatives of results at an equilibrium; all ranks make and use it together.
+
+    Args:
+        problem: what was solved.
+        equilibrium: the state.
+
+    Raises:
+        InputError: the problem has friction: the state depends on the path, and not on the present numbers alone.
+    """
+
+    def __init__(self, problem: Problem, equilibrium: Equilibrium) -> None:
+        refuse_friction(problem)
+        self._problem, self.equilibrium = problem, equilibrium
+        self._system = equilibrium.system
+        self._comm = equilibrium.system.comm
+        state = equilibrium.state
+        self._changes = Changes(problem, self._system, state.u, state.position)
+        self._known: dict[object, Sensitivity] = {}
+        self._functionals: dict[object, Functional] = {}
+
+    def sensitivity(self, of: str | Functional) -> Sensitivity:
+        """A result with its adjoint field; the second time it costs nothing.
+
+        Raises:
+            InputError: there is no such result, or it has no derivative.
+            SingularTangent: the linear solver failed.
+        """
+        if of not in self._known:
+            self._known[of] = self._solve(of)
+        return self._known[of]
+
+    def by(self, name: str) -> Change:
+        """What a number of the problem changes.
+
+        Raises:
+            InputError: there is no such number, or it makes the mesh.
+        """
+        return self._changes.by(name)
+
+    def derivative(self, of: str | Functional, change: Change) -> float:
+        """Derivative of a result by a number, equal on all ranks."""
+        sensitivity = self.sensitivity(of)
+        mine = sum(float(values.sum()) for _, values in self._in_cells(sensitivity, change))
+        if change.prescribed is not None:
+            mine += float(sensitivity.by_prescribed @ change.prescribed)
+        if change.force_ni is not None:
+            mine -= float((self._along(sensitivity.field) * change.force_ni).sum())
+        total = float(sum(self._comm.allgather(mine)))
+        return total + (self._explicit(of, change) if change.force_ni is not None else 0.0)
+
+    def by_cells(self, of: str | Functional, change: Change) -> Float:
+        """(n_cells of the whole mesh,) derivatives of a result by a number, changed in one cell at a time; 0 in cells
+        that do not have it. Equal on all ranks; the sum is the derivative by the number in all cells.
+
+        Raises:
+            InputError: the number is that of a load or a support, which no cell has.
+        """
+        if not change.parameters:
+            raise InputError(f"'{change.name}' belongs to no cells: it is that of a load or a support")
+        mine = self._in_cells(self.sensitivity(of), change)
+        numbers = self._system.cell_numbers()
+        total_c = np.zeros(self._system.n_cells_global)
+        for part in self._comm.allgather([(numbers[cells], values) for cells, values in mine]):
+            for cells, values in part:
+                total_c[cells] += values
+        return total_c
+
+    # -- parts -----------------------------------------------------------------------------------------------------
+
+    def _solve(self, of: str | Functional) -> Sensitivity:
+        system, state = self._system, self.equilibrium.state
+        derivative = self._functional(of).derivative(state)
+        adjoint = self.equilibrium.adjoint(derivative)
+        parts = derivative.by_cells or CellParts()
+        energy_weight_c = parts.energy_weight_c
+        cells: list[OfCells] = []
+        for each in system.parameter_derivatives(state.u, adjoint.field):
+            values_ck = each.residual_ck.copy()
+            if energy_weight_c is not None:
+                values_ck += energy_weight_c[each.cells, None] * each.energy_ck
+            cells.append(OfCells(each.region, each.cells, each.names, values_ck))
+        if parts.chosen_c is not None and parts.field is not None:
+            cells += [_chosen(each, parts.chosen_c) for each in system.parameter_derivatives(state.u, parts.field)]
+        cells += [OfCells(each.region, each.cells, each.names, each.values_ck) for each in parts.direct]
+        per_load = derivative.by_u.dot(self.equilibrium.per_load)
+        if derivative.on_residual is not None:
+            rate_of_residual = system.create_vector()
+            system.tangent_action(self.equilibrium.per_load, rate_of_residual)
+            system.add_residual_per_load(state.u, state.position, rate_of_residual)
+            per_load += derivative.on_residual.dot(rate_of_residual)
+        name = of if isinstance(of, str) else of.words
+        return Sensitivity(name, derivative.value, float(per_load), adjoint.field, adjoint.by_prescribed, cells)
+
+    def _functional(self, of: str | Functional) -> Functional:
+        if of not in self._functionals:
+            self._functionals[of] = functional_of(of, self._problem, self._system)
+        return self._functionals[of]
+
+    def _in_cells(self, sensitivity: Sensitivity, change: Change) -> list[tuple[Int, Float]]:
+        """Cells of this rank and their shares (n_cells,) of the derivative."""
+        shares = []
+        for each in sensitivity.of_cells:
+            slopes = change.parameters.get(each.region, {})
+            for k, name in enumerate(each.names):
+                if name in slopes:
+                    slope = slopes[name]
+                    factor = slope[each.cells] if isinstance(slope, np.ndarray) else slope
+                    shares.append((each.cells, each.values_ck[:, k] * factor))
+        return shares
+
+    def _explicit(self, of: str | Functional, change: Change) -> float:
+        """What a result changes by with forces while nothing moves: of works of forces."""
+        state = self.equilibrium.state
+
+        def value(v: float) -> Float:
+            functional = functional_of(of, with_value(self._problem, change.name, v), self._system)
+            return np.array([functional.derivative(state).value])
+
+        return float(rate(value, change.value)[0])
+
+    def _along(self, vector: Vec) -> Float:
+        """(n_owned_nodes, 2) components along x and y of this rank's part of a vector."""
+        own_ni = DISPLACEMENT.nodal(vector.getArray(readonly=True))
+        first = sum(self._comm.allgather(len(own_ni))[: self._comm.rank])
+        along_ni: Float = np.einsum("nij,nj->ni", self._system.turned().of(first + np.arange(len(own_ni))), own_ni)
+        return along_ni
+
+
+def refuse_friction(problem: Problem) -> None:
+    """Check that a state depends on the present numbers alone.
+
+    Raises:
+        InputError: it depends on the path, as there is friction.
+    """
+    regions = with_friction(problem)
+    if regions:
+        raise InputError(
+            f"region '{regions[0]}' has friction, with which a state depends on all steps before it: there are no "
+            "derivatives; leave friction out (--friction 0)"
+        )
+
+
+def _chosen(each: CellDerivatives, chosen_c: NDArray[np.bool_]) -> OfCells:
+    kept = chosen_c[each.cells]
+    return OfCells(each.region, each.cells[kept], each.names, each.residual_ck[kept])

@@ -1,0 +1,147 @@
+"""Numbers of a problem by the way to them, and what a problem changes by per unit of one.
+
+A number is found as in ``--set``: ``regions.block.solid.E`` of a problem file, ``medium.gamma`` of a benchmark. What
+it changes, parameters of energies, prescribed displacements, forces, follows from the problem itself, made anew with
+values nearby: these are smooth functions that cost nothing, so that extrapolated differences are exact to rounding. The
+equilibrium is not solved for again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmc_vem.problems.base import Problem
+from tmc_vem.problems.own import OwnProblem
+from tmc_vem.support.assignments import keys
+from tmc_vem.support.errors import InputError
+from tmc_vem.support.validation import key_of, require_known
+
+Float = NDArray[np.float64]
+T = TypeVar("T")
+
+# Steps of the differences relative to the number: what they are of is given by formulas, not by a solver.
+FIRST_STEP, HALVINGS = 2e-3, 5
+LAST_STEP = 1e-9
+_NAMES = ("name", "at")
+
+
+def value_of(problem: Problem, name: str) -> float:
+    """The number of a problem that a name leads to.
+
+    Raises:
+        InputError: there is nothing of that name, or no number.
+    """
+    place: Any = _root(problem)
+    way = keys(name)
+    for n, key in enumerate(way):
+        place = _entries(place, ".".join(way[:n]))[_key(place, key, ".".join(way[:n]))]
+    if isinstance(place, bool) or not isinstance(place, int | float):
+        what = (
+            "is not given"
+            if place is None
+            else f"= {place!r} is no number"
+            if isinstance(place, str)
+            else "is no number"
+        )
+        raise InputError(f"'{name}' {what}: name a number of the problem")
+    return float(place)
+
+
+def with_value(problem: Problem, name: str, value: float) -> Problem:
+    """The problem with another value for one of its numbers.
+
+    Raises:
+        InputError: there is no such number, or the value is out of its range.
+    """
+    root = _replaced(_root(problem), keys(name), value, "")
+    made: Problem = dataclasses.replace(problem, table=root) if isinstance(problem, OwnProblem) else root
+    return made
+
+
+def rate(function: Callable[[float], Float], at: float) -> Float:
+    """Derivative of a smooth function of a number: central differences, extrapolated (Ridders 1982).
+
+    Args:
+        function: gives an array, always of the same shape.
+        at: where.
+
+    Raises:
+        InputError: the function raises it on both sides however near.
+    """
+    scale = abs(at) if at else 1.0
+    step = FIRST_STEP * scale
+    while True:
+        try:
+            return _extrapolated(function, at, step)
+        except InputError:
+            step /= 10.0
+            if step < LAST_STEP * scale:
+                raise
+
+
+def _extrapolated(function: Callable[[float], Float], at: float, step: float) -> Float:
+    """Of the table of extrapolated differences, for each entry the value that its neighbours agree with best."""
+    best, error = np.zeros(0), np.zeros(0)
+    row: list[Float] = []
+    for n in range(HALVINGS):
+        h = step / 2.0**n
+        new = [(function(at + h) - function(at - h)) / (2.0 * h)]
+        for k in range(n):
+            new.append(new[k] + (new[k] - row[k]) / (4.0 ** (k + 1) - 1.0))
+            spread = np.maximum(np.abs(new[k + 1] - new[k]), np.abs(new[k + 1] - row[k]))
+            if n == 1:
+                best, error = new[1], spread
+            else:
+                better = spread < error
+                best, error = np.where(better, new[k + 1], best), np.where(better, spread, error)
+        row = new
+    return best
+
+
+def _root(problem: Problem) -> Any:
+    return problem.table if isinstance(problem, OwnProblem) else problem
+
+
+def _entries(place: Any, where: str) -> Any:
+    """What has the entries of a place, to be asked by :func:`_key`."""
+    if dataclasses.is_dataclass(place):
+        return {key_of(field.name): getattr(place, field.name) for field in dataclasses.fields(place)}
+    if isinstance(place, Mapping | tuple | list):
+        return place
+    raise InputError(f"'{where}' has no entries")
+
+
+def _key(place: Any, key: str, where: str) -> Any:
+    """Key or index of an entry.
+
+    Raises:
+        InputError: there is none.
+    """
+    if not isinstance(place, tuple | list):
+        require_known([key], list(_entries(place, where)), where or "the problem")
+        return key
+    named = [n for n, entry in enumerate(place) if key in (getattr(entry, word, None) for word in _NAMES)]
+    if len(named) == 1:
+        return named[0]
+    if key.isdecimal() and 1 <= int(key) <= len(place):
+        return int(key) - 1
+    raise InputError(f"{where} has no one entry '{key}': its {len(place)} entries are counted from 1")
+
+
+def _replaced(place: T, way: Sequence[str], value: float, where: str) -> T:
+    """A copy with one entry changed; dataclasses check it."""
+    if not way:
+        return value  # type: ignore[return-value]
+    key = _key(place, way[0], where)
+    inner = _replaced(_entries(place, where)[key], way[1:], value, f"{where}.{way[0]}" if where else way[0])
+    if isinstance(place, tuple | list):
+        return type(place)(inner if n == key else entry for n, entry in enumerate(place))  # type: ignore[return-value]
+    if isinstance(place, Mapping):
+        return {**place, key: inner}  # type: ignore[return-value]
+    of_field = {key_of(field.name): field.name for field in dataclasses.fields(place)}  # type: ignore[arg-type]
+    return dataclasses.replace(place, **{of_field[key]: inner})  # type: ignore[type-var]
