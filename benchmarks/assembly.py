@@ -54,8 +54,8 @@ def fem(name: str, n_dofs: float, triangles: bool) -> tuple[Any, Work]:
     u.getArray()[:] = bend(system.node_labels()[:, :2]).ravel()
     system._local_values(u)
     return system, {
-        "tangent": lambda: compat.assemble_matrix(matrix, system._tangent_form),
-        "residual": lambda: compat.assemble_vector(system._gradient, system._residual_form),
+        "tangent": lambda: compat.assemble_matrix(matrix, system._compiled.tangent),
+        "residual": lambda: compat.assemble_vector(system._gradient, system._compiled.residual),
     }
 
 

@@ -132,6 +132,19 @@ def cell_function(mesh: Any, values: Float) -> Any:
     return function
 
 
+def set_cell_values(function: Any, n_cells: int, cells: Int, values: Float) -> None:
+    """Change a :func:`cell_function` in place, on all ranks together.
+
+    Args:
+        function: of a mesh.
+        n_cells: local cells, ghosts included.
+        cells: (n,) those that change, which this rank owns; their ghosts on other ranks follow.
+        values: (n,) in them.
+    """
+    function.x.array[rows(function.function_space.dofmap.list, n_cells)[cells, 0]] = values
+    function.x.scatter_forward()
+
+
 def point_function(mesh: Any, cell: str, degree: int, n_values: int) -> Any:
     """A function with some values at each point of the quadrature rule of a degree, and none elsewhere; zero."""
     from dolfinx import fem

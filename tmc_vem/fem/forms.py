@@ -5,12 +5,14 @@ Residual and tangent are derivatives of the potential, so they agree with it and
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, Protocol
 
 import numpy as np
+from mpi4py import MPI
 from numpy.typing import NDArray
 
 from codegen.integrand import Integrand
@@ -18,13 +20,16 @@ from tmc_vem.fem import compat
 from tmc_vem.fem.expressions import density, facet_energy, facet_width
 from tmc_vem.fem.friction import PointFriction
 from tmc_vem.fem.mesh import FemMesh
+from tmc_vem.support.distributed import Comm
 from tmc_vem.system.control import parameter_of
 from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.friction_settings import Friction
 from tmc_vem.system.graded import Graded
 from tmc_vem.system.interior_penalty import require_weights
 
+Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 
 
 class RegionDensity(Protocol):
@@ -59,6 +64,8 @@ class Forms:
         residual_of: the residual of some of this rank's cells (n,) alone, without facets. It differs from ``residual``
             in the cells that are marked only, so that the same compiled code computes it.
         set_parameters: changes parameters, by name, in every energy that has them, or in that of one region.
+        set_factors: changes what multiplies the parameters of a region that vary, (n, n_varying) in the cells of the
+            region that this rank owns; for all ranks together.
     """
 
     cells: Any
@@ -67,6 +74,39 @@ class Forms:
     tangent: Any
     residual_of: Callable[[Int], Any]
     set_parameters: Callable[[Mapping[str, float]], None]
+    set_factors: Callable[[str, Float], None]
+
+
+class CompiledForms:
+    """Forms that are compiled when they are first needed, or found in dolfinx' cache; all ranks ask for them together.
+
+    Args:
+        comm: communicator.
+        forms: what is compiled.
+    """
+
+    def __init__(self, comm: Comm, forms: Forms) -> None:
+        self._comm, self._forms = comm, forms
+        self._partial: dict[bytes, Any] = {}
+
+    @functools.cached_property
+    def residual(self) -> Any:
+        return compat.form(self._forms.residual)
+
+    @functools.cached_property
+    def tangent(self) -> Any:
+        return compat.form(self._forms.tangent)
+
+    @functools.cached_property
+    def facets(self) -> dict[str, Any]:
+        return {name: compat.form(form) for name, form in self._forms.facets.items()}
+
+    def residual_of(self, chosen_c: Bool) -> Any:
+        """The residual of some of this rank's cells alone; kept, as the same ones are asked for again."""
+        key = chosen_c.tobytes()
+        if self._comm.allreduce(key not in self._partial, op=MPI.LOR):  # making a form is for all ranks together
+            self._partial[key] = compat.form(self._forms.residual_of(np.flatnonzero(chosen_c)))
+        return self._partial[key]
 
 
 def make_forms(
@@ -86,7 +126,9 @@ def make_forms(
     domain = mesh.mesh
     names = mesh.names.regions
     metadata = {"quadrature_degree": settings.quadrature}
-    parameters, eta, set_parameters = _parameters(mesh, {name: regions[name] for name in names}, settings.eta)
+    parameters, eta, set_parameters, set_factors = _parameters(
+        mesh, {name: regions[name] for name in names}, settings.eta
+    )
     G = ufl.variable(ufl.grad(ufl.grad(u)))
     densities = {name: density(u, G, regions[name].integrand, parameters[name]) for name in names}
     media = [name for name in names if regions[name].is_medium and settings.interior_penalty != "none"]
@@ -129,20 +171,21 @@ def make_forms(
     tangent = ufl.derivative(stored, u, trial)
     if friction.laws:
         tangent = with_friction(tangent, friction.shear_stiffness(u, trial, test), everywhere)
-    return Forms(*whole, gradient, tangent, residual_of, set_parameters)
+    return Forms(*whole, gradient, tangent, residual_of, set_parameters, set_factors)
 
 
 def _parameters(
     mesh: FemMesh, regions: Mapping[str, RegionDensity], eta: float
-) -> tuple[dict[str, SimpleNamespace], Any, Callable[[Mapping[str, float]], None]]:
+) -> tuple[dict[str, SimpleNamespace], Any, Callable[[Mapping[str, float]], None], Callable[[str, Float], None]]:
     """Parameters of each region and the penalty factor as constants, and how to change them; what varies from cell to
-    cell is multiplied with a function."""
+    cell is multiplied with a function, and how to change these."""
     keys = [(name, key) for name, region in regions.items() for key in region.integrand.parameter_names]
     constants, numbers = compat.constants(mesh.mesh, [*(regions[name].values[key] for name, key in keys), eta])
     *values, factor = constants
     parameters = {name: SimpleNamespace() for name in regions}
     for (name, key), value in zip(keys, values, strict=True):
         setattr(parameters[name], key, value)
+    functions: dict[str, list[Any]] = {name: [] for name in regions}
     for number, name in enumerate(mesh.names.regions):
         graded = regions[name].graded
         if graded is not None:
@@ -152,6 +195,7 @@ def _parameters(
                 everywhere[cells] = factor_c
                 varying = compat.cell_function(mesh.mesh, everywhere)
                 setattr(parameters[name], key, getattr(parameters[name], key) * varying)
+                functions[name].append(varying)
 
     def change(wanted: Mapping[str, float]) -> None:
         for position, (name, key) in enumerate(keys):
@@ -159,7 +203,12 @@ def _parameters(
                 if known in wanted:
                     numbers[position] = wanted[known]
 
-    return parameters, factor, change
+    def change_factors(name: str, factor_ck: Float) -> None:
+        cells = np.flatnonzero(mesh.region_c[: mesh.n_owned] == mesh.names.regions.index(name))
+        for function, factor_c in zip(functions[name], factor_ck.T, strict=True):
+            compat.set_cell_values(function, len(mesh.region_c), cells, factor_c)
+
+    return parameters, factor, change, change_factors
 
 
 def _facet_tags(mesh: FemMesh, media: Sequence[str]) -> Any:

@@ -78,6 +78,16 @@ class PointFriction:
             slip = SlipSystem.of_entries(k_cqk, self._normal_cqi[some.cells])
             yield FrictionStates(some, slip, slip.response(some.F_cqij), self.laws[some.region])
 
+    def stress_rates(self, points: PointStates, dF_cqij: Float) -> Float:
+        """What the stress of friction (n_cells, n_points, 2, 2) of some cells changes by along a change of F."""
+        rates = np.zeros_like(dF_cqij)
+        for states in self.states([points] if points.region in self.laws else []):
+            slip = states.slip
+            stiffness = np.where(states.response.sticks, slip.stiffness, 0.0)
+            change = stiffness * np.einsum("cqij,cqij->cq", slip.A_ij, dF_cqij)
+            rates += change[..., None, None] * slip.A_ij
+        return rates
+
     def begin_step(self, points: Iterable[PointStates], shear_at: Callable[[Float], Float] | None = None) -> None:
         """Freeze the slip systems of cells for the step that begins at a state.
 

@@ -85,13 +85,39 @@ class QuadraturePoints:
         # second derivatives of the map enter through the chain rule; on straight cells only the mixed one is not zero
         bent = np.einsum("cqij,cj->cqi", first, H)
         second[..., 0, 1] = second[..., 1, 0] = reference[:, 3] - bent
-        half = np.einsum("cqist,cqtk->cqisk", second, K)
-        return first, np.einsum("cqisk,cqsj->cqijk", half, K)
+        half: Float = second @ K[:, :, None]
+        physical: Float = K.swapaxes(2, 3)[:, :, None] @ half
+        return first, physical
 
     def nodal_loads(self, f_cqi: Float) -> Float:
         """Work-equivalent nodal forces (n_cells, n_basis, 2) of a force per area at the points."""
         loads: Float = np.einsum("cq,qa,cqi->cai", self.w_cq, self.values_qa, f_cqi)
         return loads
+
+    def nodal_forces(
+        self, P_cqij: Float, T_cqijk: Float | None, cells: NDArray[np.intp] | slice = slice(None)
+    ) -> Float:
+        """Forces (n_cells, n_basis, 2) whose work on a displacement v is ``sum_q w (P : grad v + T :. grad grad v)``.
+
+        The transpose of :meth:`gradients`.
+
+        Args:
+            P_cqij, T_cqijk: what works on gradients and second gradients at the points of some cells; no T is zero.
+            cells: these cells.
+        """
+        K, w_cq = self.K_cqrj[cells], self.w_cq[cells]
+        first = P_cqij
+        reference = np.empty((len(w_cq), 2 if T_cqijk is None else 5, *w_cq.shape[1:], 2))
+        if T_cqijk is not None:
+            second = K[:, :, None] @ (T_cqijk @ K.swapaxes(2, 3)[:, :, None])
+            mixed = second[..., 0, 1] + second[..., 1, 0]
+            reference[:, 2], reference[:, 3], reference[:, 4] = second[..., 0, 0], mixed, second[..., 1, 1]
+            first = first - np.einsum("cqi,cj->cqij", mixed, self.H_cx[cells])
+        reference[:, :2] = np.moveaxis(first @ K.swapaxes(2, 3), 3, 1)
+        reference *= w_cq[:, None, :, None]
+        table = self.table_rqa[: reference.shape[1]].reshape(-1, self.table_rqa.shape[2])
+        forces: Float = table.T @ reference.reshape(len(w_cq), -1, 2)
+        return forces
 
     def _reference(self, u_cai: Float, n_rows: int) -> Float:
         """Reference derivatives (n_cells, n_rows, n_points, 2)."""
@@ -100,7 +126,7 @@ class QuadraturePoints:
         return flat.reshape(len(u_cai), n_rows, table.shape[1], 2)
 
     def _physical(self, reference_crqi: Float, cells: NDArray[np.intp] | slice) -> Float:
-        gradient: Float = np.einsum("crqi,cqrj->cqij", reference_crqi, self.K_cqrj[cells])
+        gradient: Float = reference_crqi.transpose(0, 2, 3, 1) @ self.K_cqrj[cells]  # much faster than np.einsum
         return gradient
 
 

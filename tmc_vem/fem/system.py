@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import NDArray
 
-from codegen.integrand import Integrand
 from codegen.layout import Take
 from codegen.stress import stress_of
 from tmc_vem.fem import compat
-from tmc_vem.fem.forms import RegionDensity, make_forms
+from tmc_vem.fem.forms import CompiledForms, RegionDensity, make_forms
 from tmc_vem.fem.friction import PointFriction
-from tmc_vem.fem.maths import numpy_namespace
+from tmc_vem.fem.maths import density_at_points
 from tmc_vem.fem.mesh import distribute
 from tmc_vem.fem.nodes import Nodes
 from tmc_vem.fem.point_evaluation import locate
@@ -35,16 +31,17 @@ from tmc_vem.system.fem_settings import FemSettings
 from tmc_vem.system.fields import Polygons
 from tmc_vem.system.friction import FrictionLaw, FrictionStates, shear_of
 from tmc_vem.system.layout import DISPLACEMENT
+from tmc_vem.system.mixed import Gradients, MixedPoints
 from tmc_vem.system.places import Located
 from tmc_vem.system.point_states import PointStates
 from tmc_vem.system.reduction import Shares, at_named_points, in_order, reaction, resultant, step_limit
+from tmc_vem.system.sensitivity import CellDerivatives, PointForces
 from tmc_vem.system.sides import Sides
 from tmc_vem.system.unloaded import Unloaded, require_regions
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
-Components = Callable[[tuple[int, ...]], NDArray[Any]]
 
 CELLS_AT_ONCE = 4096  # whose dense arrays are held at a time
 
@@ -99,10 +96,11 @@ class FemSystem(Unloaded):
         }
         self._friction = PointFriction(self.mesh, self.settings.quadrature, laws)
         self.forms = make_forms(self.mesh, self._state, regions, self.settings, self._friction)
+        self._compiled = CompiledForms(comm, self.forms)
         self._values = {name: dict(region.values) for name, region in regions.items()}
         self._factors = {name: self._factors_of(number) for number, name in enumerate(self.region_names)}
+        self._mixed = MixedPoints({name: regions[name].integrand for name in self.region_names})
         self._tangent: Mat | None = None
-        self._partial_forms: dict[bytes, Any] = {}
         self._load_nodes: Float | None = None
         held = Constrained.of(prescribed, self.nodes.named, self.nodes.points_nx)
         self._constrained = held.along_x_and_y()
@@ -118,7 +116,7 @@ class FemSystem(Unloaded):
     def create_matrix(self) -> Mat:
         """A new symmetric matrix with the pattern of the tangent."""
         self.compile()
-        matrix: Mat = compat.create_matrix(self._tangent_form)
+        matrix: Mat = compat.create_matrix(self._compiled.tangent)
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
         matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
@@ -148,6 +146,22 @@ class FemSystem(Unloaded):
             names = {known: name for name in own for known in (name, parameter_of(region, name))}
             own.update({names[known]: value for known, value in values.items() if known in names})
 
+    def set_factors(self, region: str, factor_ck: Float) -> None:
+        """Change what multiplies the parameters of a region that vary, (n_cells, n_varying), in its cells.
+
+        Raises:
+            InputError: the mesh has no such region.
+            ValueError: there are other numbers of cells or of parameters that vary.
+        """
+        require_regions((region,), self.region_names)
+        factors, cells = self._factors[region], self._cells_of[self.region_names.index(region)]
+        expected = (self.mesh.n_owned, len(factors))
+        if factor_ck.shape != expected:
+            raise ValueError(f"factors of region '{region}': shape {factor_ck.shape}, expected {expected}")
+        for n, name in enumerate(factors):
+            factors[name] = factor_ck[cells, n : n + 1]
+        self.forms.set_factors(region, factor_ck[cells])
+
     def energy(self, u: Vec) -> Evaluation:
         """Potential at ``u``."""
         return self._evaluation(self._local_values(u))
@@ -155,7 +169,7 @@ class FemSystem(Unloaded):
     def residual(self, u: Vec, out: Vec) -> Evaluation:
         """Full gradient of the potential into ``out``; its constrained entries are the reactions."""
         u_nodes = self._local_values(u)
-        compat.assemble_vector(self._gradient, self._residual_form)
+        compat.assemble_vector(self._gradient, self._compiled.residual)
         gradient = self._gradient.x.array[: DISPLACEMENT.size(self.nodes.n_owned)]
         out.getArray()[:] = gradient if self._load_nodes is None else gradient - self._load_nodes.ravel()
         return self._evaluation(u_nodes)
@@ -163,7 +177,7 @@ class FemSystem(Unloaded):
     def jacobian(self, u: Vec, out: Mat) -> None:
         """Tangent at ``u`` with rows and columns of the identity at constrained degrees of freedom."""
         self._local_values(u)
-        compat.assemble_matrix(out, self._tangent_form)
+        compat.assemble_matrix(out, self._compiled.tangent)
         if self._tangent is None:
             self._tangent = out.duplicate(copy=True)
         else:
@@ -204,8 +218,44 @@ class FemSystem(Unloaded):
     def internal_forces(self, u: Vec, chosen_c: Bool) -> Float:
         """(n_owned_nodes, 2) forces with which some cells of all ranks resist at this rank's nodes."""
         self._local_values(u)
-        compat.assemble_vector(self._gradient, self._residual_form_of(chosen_c))
+        compat.assemble_vector(self._gradient, self._compiled.residual_of(chosen_c))
         return DISPLACEMENT.nodal(self._gradient.x.array)[: self.nodes.n_owned].copy()
+
+    def cell_tangent_action(self, u: Vec, du: Vec, chosen_c: Bool, out: Vec) -> None:
+        """Add the product of ``du`` and the tangent at ``u`` of some cells of all ranks: of :meth:`internal_forces`."""
+        u_nodes, du_nodes = self._local_values(u), self._local_values(du)
+
+        def rates(states: PointStates) -> tuple[Float, Float | None]:
+            along = self._gradients_beside(states, du_nodes)
+            dP, dT = self._mixed.stress_rates(states, along)
+            return dP + self._friction.stress_rates(states, along[0]), dT
+
+        self._add_forces(self._point_states(u_nodes, self.region_names, chosen_c=chosen_c), rates, out)
+
+    def add_point_forces(self, u: Vec, forces: PointForces, out: Vec) -> None:
+        """Add ``sum_q w (P : grad v + T :. grad grad v)`` of all basis functions v, P and T from a function."""
+        self._add_forces(self.point_states(u), forces, out)
+
+    def parameter_derivatives(self, u: Vec, adjoint: Vec | None = None) -> Iterator[CellDerivatives]:
+        """Derivatives of this rank's cells by the parameters of their energies, some cells at a time; friction of the
+        step, which is frozen, has none.
+
+        Raises:
+            InputError: there is an interior penalty, whose sides depend on the parameters of two cells.
+        """
+        if self.forms.facets:
+            raise InputError(
+                f"interior penalty '{self.settings.interior_penalty}': its sides have parameters of two cells, and no "
+                "derivatives with respect to them; use 'none'"
+            )
+        u_nodes = self._local_values(u)
+        adjoint_nodes = None if adjoint is None else self._local_values(adjoint)
+
+        def of(states: PointStates) -> CellDerivatives:
+            along = None if adjoint_nodes is None else self._gradients_beside(states, adjoint_nodes)
+            return self._mixed.cell_derivatives(states, along)
+
+        return map(of, self._point_states(u_nodes, self.region_names))
 
     def point_states(self, u: Vec) -> Iterator[PointStates]:
         """This rank's cells at their quadrature points, some at a time."""
@@ -285,7 +335,7 @@ class FemSystem(Unloaded):
 
     def compile(self) -> None:
         """Compile the forms, or find them in dolfinx' cache; otherwise this happens when they are first needed."""
-        _ = self._residual_form, self._tangent_form, self._facet_forms
+        _ = self._compiled.residual, self._compiled.tangent, self._compiled.facets
 
     def interpolate(self, displacement: Callable[[Float], Float]) -> Vec:
         """Vector of the nodal values of a function that maps points (n, 2) to displacements (n, 2)."""
@@ -341,26 +391,6 @@ class FemSystem(Unloaded):
 
     # -- internals -----------------------------------------------------------------------------------------------
 
-    @functools.cached_property
-    def _residual_form(self) -> Any:
-        return compat.form(self.forms.residual)
-
-    def _residual_form_of(self, chosen_c: Bool) -> Any:
-        """That of some cells alone; kept, as the same ones are asked for again."""
-        known = self._partial_forms
-        key = chosen_c.tobytes()
-        if self.comm.allreduce(key not in known, op=MPI.LOR):  # making a form is for all ranks together
-            known[key] = compat.form(self.forms.residual_of(np.flatnonzero(chosen_c)))
-        return known[key]
-
-    @functools.cached_property
-    def _tangent_form(self) -> Any:
-        return compat.form(self.forms.tangent)
-
-    @functools.cached_property
-    def _facet_forms(self) -> dict[str, Any]:
-        return {name: compat.form(form) for name, form in self.forms.facets.items()}
-
     def _local_values(self, u: Vec) -> Float:
         """Write ``u`` into the forms' function; values (n_nodes, 2) of this rank's nodes, ghosts included."""
         array = self._state.x.array
@@ -376,26 +406,39 @@ class FemSystem(Unloaded):
         factor_cp = self.mesh.factors(graded, self._cells_of[number])
         return {name: factor_cp[:, n : n + 1] for n, name in enumerate(graded.names)}
 
-    def _point_states(self, u_nodes: Float, regions: Collection[str], second: bool = True) -> Iterator[PointStates]:
-        """Owned cells of some regions, some at a time; second gradients of energies that have them if asked for."""
+    def _point_states(
+        self, u_nodes: Float, regions: Collection[str], second: bool = True, chosen_c: Bool | None = None
+    ) -> Iterator[PointStates]:
+        """Owned cells of some regions, all or those that are chosen, some at a time; second gradients of energies that
+        have them if asked for."""
         for name, of_region in zip(self.region_names, self._cells_of, strict=True):
             integrand = self.densities[name].integrand
             needs_second = second and any(entry.take is Take.SECOND_GRADIENT for entry in integrand.inputs)
-            for first in range(0, len(of_region) if name in regions else 0, CELLS_AT_ONCE):
-                cells = of_region[first : first + CELLS_AT_ONCE]
-                u_cai = u_nodes[self.nodes.cell_nodes_ca[cells]]
-                gradient, G = (
-                    self.points.gradients(u_cai, cells)
-                    if needs_second
-                    else (self.points.first_gradient(u_cai, cells), None)
-                )
-                factors = {
-                    key: factor_c1[first : first + CELLS_AT_ONCE] for key, factor_c1 in self._factors[name].items()
-                }
-                values = {key: self._values[name][key] * factors.get(key, 1.0) for key in integrand.parameter_names}
-                yield PointStates(
-                    name, cells, self.points.w_cq[cells], self.points.X_cqx[cells], np.eye(2) + gradient, G, values
-                )
+            wanted = np.arange(len(of_region)) if chosen_c is None else np.flatnonzero(chosen_c[of_region])
+            for first in range(0, len(wanted) if name in regions else 0, CELLS_AT_ONCE):
+                some = wanted[first : first + CELLS_AT_ONCE]
+                cells = of_region[some]
+                gradient, G = self._gradients(u_nodes, cells, needs_second)
+                at, F = self.points, np.eye(2) + gradient
+                yield PointStates(name, cells, at.w_cq[cells], at.X_cqx[cells], F, G, self._parameters_in(name, some))
+
+    def _gradients(self, u_nodes: Float, cells: Int, second: bool) -> Gradients:
+        """First gradients at the points of some cells, and second ones if asked for."""
+        u_cai = u_nodes[self.nodes.cell_nodes_ca[cells]]
+        return self.points.gradients(u_cai, cells) if second else (self.points.first_gradient(u_cai, cells), None)
+
+    def _gradients_beside(self, states: PointStates, u_nodes: Float) -> Gradients:
+        """Those of another displacement at the points of some states."""
+        return self._gradients(u_nodes, states.cells, second=states.G_cqijk is not None)
+
+    def _add_forces(self, points: Iterable[PointStates], forces: PointForces, out: Vec) -> None:
+        """Add the nodal forces of what a function gives at points of some cells; all ranks together."""
+        forces_cai = np.zeros((self.mesh.n_owned, self.nodes.cell_nodes_ca.shape[1], DISPLACEMENT.components))
+        for states in points:
+            found = forces(states)
+            if found is not None:
+                forces_cai[states.cells] = self.points.nodal_forces(*found, states.cells)
+        out.getArray()[:] += self.nodes.sum_over_cells(forces_cai).ravel()
 
     def _points_with_friction(self, u_nodes: Float, second: bool = True) -> Iterator[PointStates]:
         return self._point_states(u_nodes, self._friction.laws, second)
@@ -404,31 +447,25 @@ class FemSystem(Unloaded):
         return self.points.first_gradient(u_nodes[self.nodes.cell_nodes_ca[: self.mesh.n_owned]])
 
     def _cell_values(self, u_nodes: Float, without: str = "") -> tuple[Float, Float]:
-        """Energy and smallest J of this rank's cells.
-
-        Near F = I the densities subtract numbers that are almost equal; numpy's extended precision, where the machine
-        has it, keeps the energy's digits that the line search compares.
-        """
+        """Energy and smallest J of this rank's cells."""
         energy_c, min_j_c = np.zeros((2, self.mesh.n_owned))
-        m = numpy_namespace()
         for name, cells in zip(self.region_names, self._cells_of, strict=True):
-            region = self.densities[name]
-            names = region.integrand.parameter_names
-            values = self._values[name]
-            factors = self._factors[name]
-            p = SimpleNamespace(
-                **{key: 0.0 if key == without else float(values[key]) * factors.get(key, 1.0) for key in names}
-            )
+            values = self._parameters_in(name)
+            if without in values:
+                values[without] = 0.0
             gradient, second = self.points.gradients(u_nodes[self.nodes.cell_nodes_ca[cells]], cells)
             min_j_c[cells] = jacobian(gradient).min(axis=1)
-            taken = {
-                Take.GRADIENT: _components(gradient, np.longdouble),
-                Take.SECOND_GRADIENT: _components(second, np.float64),
-            }
-            with np.errstate(all="ignore"):  # J <= 0 shows as NaN, which the evaluation reports
-                psi_cq = _at_points(region.integrand, taken, gradient.shape[:2], p, m)
-                energy_c[cells] = (self.points.w_cq[cells] * psi_cq).sum(axis=1)
+            psi_cq = density_at_points(self.densities[name].integrand, gradient, second, values)
+            energy_c[cells] = (self.points.w_cq[cells] * psi_cq).sum(axis=1)
         return energy_c, min_j_c
+
+    def _parameters_in(self, region: str, some: Int | slice = slice(None)) -> dict[str, float | Float]:
+        """Values of the parameters of a region, (n, 1) of those that vary in some of its cells that this rank owns."""
+        values, factors = self._values[region], self._factors[region]
+        return {
+            name: values[name] * factors[name][some] if name in factors else float(values[name])
+            for name in self.densities[region].integrand.parameter_names
+        }
 
     def _evaluation(self, u_nodes: Float) -> Evaluation:
         """Energies and extremes; the forms' function holds the same state."""
@@ -438,7 +475,7 @@ class FemSystem(Unloaded):
             shares.add_cells(name, energy_c[cells], min_j_c[cells], self.mesh.cell_ids[cells])
         for states in self._friction.states(self._points_with_friction(u_nodes, second=False)):
             shares.add(states.points.region, float((states.points.w_cq * states.response.energy).sum()))
-        for name, form in self._facet_forms.items():
+        for name, form in self._compiled.facets.items():
             shares.add(name, compat.assemble_scalar(form))
         work = 0.0
         if self._load_nodes is not None:
@@ -451,36 +488,3 @@ if TYPE_CHECKING:
     def _discretisation(system: FemSystem) -> Discretisation:
         """Seen by mypy only: that the class fulfils the protocol."""
         return system
-
-
-def _components(tensor_cqx: Float, precision: type[np.floating[Any]]) -> Components:
-    """Components (n_cells, n_points) of a tensor at points, by index."""
-    leading = np.moveaxis(tensor_cqx, (0, 1), (-2, -1))
-    return lambda index: leading[index].astype(precision)
-
-
-def _at_points(
-    integrand: Integrand, taken: Mapping[Take, Components], shape: tuple[int, ...], p: Any, m: Any
-) -> NDArray[Any]:
-    """Energy density at the points of all cells.
-
-    Args:
-        integrand: of a region.
-        taken: derivatives of the displacement at the points.
-        shape: (n_cells, n_points).
-        p, m: parameters and functions.
-
-    Raises:
-        InputError: numpy inside the density takes the points for rows and columns.
-    """
-    try:
-        psi = np.asarray(integrand.of_fields(taken.__getitem__, p, m))
-        fits = psi.shape in ((), shape)
-    except (TypeError, ValueError):
-        fits = False
-    if not fits:
-        raise InputError(
-            f"energy '{integrand.name}' uses numpy, which cannot compute with F and G of many points at once: write it "
-            "with F[i][j], arithmetic and m, or use --method vem"
-        )
-    return psi
