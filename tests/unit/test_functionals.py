@@ -59,12 +59,19 @@ EXACT = {"node", "inside", "height", "shift", "squeezed", "volume", "displacemen
 LINEAR = {"held", "density", "mises", "across", "plane", "through", "sideways", "bending", "norm", "reaction",
           "energy.block", "contact.block.force_x", "contact.foot.force_y", "contact.foot.moment"}  # fmt: skip
 WITHOUT = {"gap", "strain", "norm of J"}  # of no parameter
-CASES = {"voronoi": Layers("voronoi", 0.0, PROBES), "hanging": Layers("hanging", 0.2, PROBES)}
+CASES = {
+    "voronoi": (Layers("voronoi", 0.0, PROBES), "vem"),
+    "hanging": (Layers("hanging", 0.2, PROBES), "vem"),
+    "elements": (Layers("squares", 0.2, PROBES), "fem"),
+}
 
 
 @pytest.fixture(scope="module", params=CASES)
 def case(request: pytest.FixtureRequest) -> Case:
-    return case_of(CASES[request.param])
+    problem, method = CASES[request.param]
+    if method == "fem":
+        pytest.importorskip("dolfinx")
+    return case_of(problem, method)
 
 
 @pytest.fixture(scope="module")
@@ -214,16 +221,20 @@ def test_what_has_no_derivative_is_refused_with_what_has_one(case: Case, functio
         functionals.of("contact.lid.force").derivative(case.state(case.u))
     with pytest.raises(InputError, match="is 0, where a distance has no derivative"):
         functionals.of(Gap("corner", (1.0, 1.0 + case.problem.slope))).derivative(case.state(case.u))
-    case.system.set_position(Control(0.0))  # without forces
-    with pytest.raises(InputError, match="is 0, where it has no direction and no derivative: take force_x"):
-        functionals.of("contact.block.force").derivative(case.state(case.system.create_vector()))
-    case.system.set_position(AT)
     for norm, words in (
         (("cauchy_stress_xx", "block"), "others may be negative"),
         (("J", "block", 0.5), "must be 1 or"),
     ):
         with pytest.raises(InputError, match=words):
             PNorm(*norm)  # type: ignore[arg-type]
+
+
+def test_a_force_without_a_direction_has_no_derivative() -> None:
+    case = case_of(Layers("squares"))
+    case.system.set_position(Control(0.0))  # without forces
+    state = case.state(case.system.create_vector())
+    with pytest.raises(InputError, match="is 0, where it has no direction and no derivative: take force_x"):
+        functional_of("contact.block.force", case.problem, case.system).derivative(state)
 
 
 @dataclass(frozen=True)
