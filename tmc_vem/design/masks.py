@@ -1,6 +1,6 @@
 """Masks over the cells of a mesh: by box, by circle, by region; combine them with ``&``, ``|`` and ``~``.
 
-A cell belongs to what its centroid lies in.
+A cell belongs to what its centroid lies in, or on the border of: symmetric shapes choose symmetric cells.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from tmc_vem.support.validation import require_finite, require_known, require_po
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
+
+TIE = 1e-6  # a centroid is on a border if it is this fraction of the cell's size off it
 
 
 def centroids_and_areas(mesh: PolygonMesh) -> tuple[Float, Float]:
@@ -51,8 +53,9 @@ def in_box(mesh: PolygonMesh, x0: float, y0: float, x1: float, y1: float) -> Boo
         require_finite(f"{name} of the box", value)
     if not (x0 < x1 and y0 < y1):
         raise InputError(f"the box x0 = {x0:g}, y0 = {y0:g}, x1 = {x1:g}, y1 = {y1:g} is empty: x0 < x1 and y0 < y1")
-    x, y = centroids_and_areas(mesh)[0].T
-    mask: Bool = (x0 <= x) & (x <= x1) & (y0 <= y) & (y <= y1)
+    center, area = centroids_and_areas(mesh)
+    (x, y), tie = center.T, TIE * np.sqrt(area)
+    mask: Bool = (x0 - tie <= x) & (x <= x1 + tie) & (y0 - tie <= y) & (y <= y1 + tie)
     return mask
 
 
@@ -65,5 +68,6 @@ def in_circle(mesh: PolygonMesh, x: float, y: float, radius: float) -> Bool:
     require_finite("x of the circle's centre", x)
     require_finite("y of the circle's centre", y)
     require_positive("radius of the circle", radius, "give a length")
-    mask: Bool = np.hypot(*(centroids_and_areas(mesh)[0] - (x, y)).T) <= radius
+    center, area = centroids_and_areas(mesh)
+    mask: Bool = np.hypot(*(center - (x, y)).T) <= radius + TIE * np.sqrt(area)
     return mask

@@ -72,8 +72,8 @@ def partners(center_cx: Float, area_c: Float, mirror: Mirror, tolerance: float =
         x, y = center_cx[worst]
         raise InputError(
             f"the design is not symmetric about {mirror}: {len(bad)} of {len(other)} cells have no mirror image, "
-            f"such as the one at ({x:.6g}, {y:.6g}) of area {area_c[worst]:.3g}, whose image is {distance[worst]:.3g} from "
-            f"the nearest centroid, of area {area_c[other[worst]]:.3g}; use a mesh that is symmetric, or no symmetry"
+            f"such as the one at ({x:.6g}, {y:.6g}) of area {area_c[worst]:.3g}, whose image is {distance[worst]:.3g} "
+            f"from the nearest centroid, of area {area_c[other[worst]]:.3g}; use a symmetric mesh, or no symmetry"
         )
     return np.asarray(other, dtype=np.int64)
 

@@ -1,9 +1,9 @@
 """Delaunay triangles of some cells of a polygon mesh, with a node in every cell, within the outline of these cells.
 
 Every cell is fanned from its centroid, and sides of triangles are flipped until the angles opposite each add up to
-180 degrees at most (Lawson, 1977); where the angle opposite a side on the outline is obtuse, the foot of its tip becomes
-a node. Then the stiffness matrix of linear elements for the Laplacian has no positive entry off its diagonal, whatever
-the cells are: stretched rectangles, polygons, cells with hanging nodes.
+180 degrees at most (Lawson, 1977); where the angle opposite a side on the outline is obtuse, that side is cut at the
+foot of the perpendicular. Then the stiffness matrix of linear elements for the Laplacian has no positive entry off its
+diagonal, whatever the cells are: stretched rectangles, polygons, cells with hanging nodes.
 """
 
 from __future__ import annotations
