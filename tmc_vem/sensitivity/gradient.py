@@ -123,8 +123,7 @@ class Gradients:
         Raises:
             InputError: the number is that of a load or a support, which no cell has.
         """
-        if not change.parameters:
-            raise InputError(f"'{change.name}' belongs to no cells: it is that of a load or a support")
+        change.require_cells()
         mine = self._in_cells(self.sensitivity(of), change)
         numbers = self._system.cell_numbers()
         total_c = np.zeros(self._system.n_cells_global)
