@@ -77,7 +77,8 @@ class Layers:
 
     def prescribed(self) -> Sequence[Condition]:
         load = self.load()
-        return [Prescribed("bottom", 0), Prescribed("bottom", 1), *([load] if isinstance(load, Condition) else [])]
+        held = [Prescribed("bottom", 0), Prescribed("bottom", 1), Prescribed("left", 0)]  # the last at the medium too
+        return [*held, *([load] if isinstance(load, Condition) else [])]
 
     def forces(self) -> Sequence[Force]:
         load = self.load()

@@ -1,4 +1,4 @@
-"""Run under mpirun: derivatives of results, summed to numbers that must not depend on the ranks, as JSON from rank 0."""
+"""Run under mpirun: derivatives of results, as numbers that must not depend on the ranks; JSON from rank 0."""
 
 from __future__ import annotations
 
