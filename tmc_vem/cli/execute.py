@@ -24,9 +24,9 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
         InputError, CodegenError: bad input.
         ConvergenceError: the full load was not reached; what converged is in the run directory.
     """
-    context = click.get_current_context()
-    if ASIDE in context.meta:
-        context.meta[ASIDE](problem, settings)
+    aside = click.get_current_context(silent=True)
+    if aside is not None and ASIDE in aside.meta:
+        aside.meta[ASIDE](problem, settings)
         return
     start_petsc(options["petsc"], clean_stdout=options["as_json"])
     from mpi4py import MPI
@@ -41,6 +41,7 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
     silent = options["quiet"] or options["as_json"]
     on_root = MPI.COMM_WORLD.rank == 0
     monitor: Monitor = Monitor() if silent or not on_root else ConsoleMonitor()
+    context = click.get_current_context()
     result = run(
         problem,
         options["out"],

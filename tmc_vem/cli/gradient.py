@@ -107,7 +107,7 @@ def _found(
     from tmc_vem.cli.progress import ConsoleMonitor
     from tmc_vem.sensitivity.at_end import of_directory, solved
     from tmc_vem.simulation.monitor import Monitor
-    from tmc_vem.study.sweep import maker
+    from tmc_vem.study.sweep import BENCHMARKS, SUFFIX, maker
 
     if Path(source).is_dir():
         given = [name for name, value in (("--set", changes), ("--method", method)) if value]
@@ -115,6 +115,11 @@ def _found(
             raise InputError(f"{given[0]} is for what is solved, and {source} has been: leave it out")
         problem, options = _of_run(Path(source))
         return of_directory(source, problem, options), options, ()
+    if not source.endswith(SUFFIX) and source not in BENCHMARKS:
+        raise InputError(
+            f"'{source}' is no run directory, and neither a problem file, NAME{SUFFIX}, nor a benchmark "
+            f"({', '.join(BENCHMARKS)})"
+        )
     problem, options = maker(source)(parse_changes(changes))
     options = dataclasses.replace(options, method=method or options.method)
     monitor = Monitor() if silent or MPI.COMM_WORLD.rank else ConsoleMonitor()

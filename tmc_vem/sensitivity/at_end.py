@@ -35,6 +35,8 @@ from tmc_vem.system.control import Control
 
 Float = NDArray[np.float64]
 
+SET = "set"  # what was changed in a problem file: the copy of it in a run directory has it, and does not say so
+
 
 class SensitivityWarning(UserWarning):
     """A derivative is that of a branch that another problem nearby may not follow."""
@@ -242,7 +244,11 @@ def _read_state(directory: Path, simulation: Simulation, u: Vec) -> list[StepRec
     """The steps of a checkpoint; ``u`` and the discretisation stand at the last of them afterwards."""
     system, checkpoint = simulation.system, Checkpoint.read(directory)
     facts = checkpoint.facts
-    require_same_inputs(facts["inputs"], run_inputs(simulation.problem, simulation.options))
+    before, now = (
+        {name: value for name, value in inputs.items() if name != SET}
+        for inputs in (facts["inputs"], run_inputs(simulation.problem, simulation.options))
+    )
+    require_same_inputs(before, now)
     saved = Saved.read(checkpoint, system.node_labels(), np.empty((0, 2)), u)
     saved.give(system, facts.get("stage", 0))
     history = [StepRecord.from_plain(entry) for entry in facts["history"]]

@@ -138,7 +138,12 @@ class Changes:
             return np.concatenate([np.ravel(self._value(changed[region], region, k)) for region, k in places])
 
         sizes = [np.size(self._value(self._regions[region], region, k)) for region, k in places]
-        slopes = np.split(rate(values, value), np.cumsum(sizes)[:-1]) if places else []
+        try:
+            slopes = np.split(rate(values, value), np.cumsum(sizes)[:-1]) if places else []
+        except InputError as error:
+            raise InputError(
+                f"'{name}' cannot change alone ({error}); name a parameter of one energy, REGION.PARAMETER"
+            ) from None
         found: dict[str, dict[str, float | Float]] = {}
         for (region, parameter), slope in zip(places, slopes, strict=True):
             if slope.any():
