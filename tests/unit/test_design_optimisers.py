@@ -1,4 +1,4 @@
-"""Optimisers on closed-form problems: optima, histories against nlopt itself, exceptions, what cannot be evaluated, restarts."""
+"""Optimisers on closed-form problems: optima, histories against nlopt itself, exceptions, failures, restarts."""
 
 from __future__ import annotations
 
@@ -188,13 +188,13 @@ def test_ctrl_c(nlopt):
 
 @pytest.mark.parametrize("method", ["mma", "ccsaq", "oc"])
 def test_designs_that_cannot_be_evaluated(method):
-    """Beyond z_0 = 0.7 nothing can be: methods go back, and come close to it, as the optimum lies behind."""
+    """Beyond z_0 = 0.64 nothing can be: methods go back, and come close to it, as the optimum lies behind."""
     if method != "oc":
         pytest.importorskip("nlopt")
     inner, failures = compliance(np.array([4.0, 1.0, 1.0]), 0.5), []
 
     def evaluate(z):
-        if z[0] > 0.7:
+        if z[0] > 0.64:
             failures.append(z)
             return Evaluation.failed(3, 1)
         return inner(z)
@@ -202,7 +202,7 @@ def test_designs_that_cannot_be_evaluated(method):
     best = minimise(evaluate, np.full(3, 0.5), (0.01, 1.0), 1, method, 40, 1e-4)
     assert failures
     assert best.feasible
-    assert best.z[0] > 0.65
+    assert 0.62 < best.z[0] <= 0.64
     assert best.evaluation.objective < inner(np.full(3, 0.5)).objective
     with pytest.raises(InputError, match="first design could not be evaluated"):
         minimise(evaluate, np.full(3, 0.8), (0.01, 1.0), 1, method)
@@ -248,8 +248,8 @@ def test_optimality_criteria_bear_wrong_signs():
 
     def evaluate(z):
         made = compliance(np.array([1.0, 4.0, 1.0]), 0.5)(z)
-        return Evaluation(made.objective - 1.0 / z[2] + z[2], made.gradient + [0, 0, 1.0 / z[2] ** 2 + 1.0],
-                          made.constraints, made.jacobian)  # fmt: skip
+        gradient = made.gradient + np.array([0.0, 0.0, 1.0 / z[2] ** 2 + 1.0])
+        return Evaluation(made.objective - 1.0 / z[2] + z[2], gradient, made.constraints, made.jacobian)
 
     with pytest.warns(Note, match=r"grows with 1 of 3 variables") as said:
         best = minimise(evaluate, np.full(3, 0.5), (0.01, 1.0), 1, "oc", 60, 1e-8)
