@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import warnings
 
 import numpy as np
 import pytest
@@ -269,6 +270,21 @@ def test_optimality_criteria_without_any_gain():
     assert best.evaluations == 4
     assert seen[-1].z == pytest.approx([0.0, 0.5])
     assert best.reason.startswith("designs hardly change")
+
+
+def test_optimality_criteria_pass_over_signs_by_rounding():
+    """Derivatives far from where a projection has any slope are 0 but for their last bits."""
+
+    def evaluate(z):
+        made = compliance(np.array([1.0, 4.0, 1.0]), 0.5)(z)
+        tiny = np.array([1.0, 1.0, -1e-17])
+        return Evaluation(made.objective, made.gradient * tiny, made.constraints, made.jacobian * tiny)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # no note
+        best = minimise(evaluate, np.full(3, 0.5), (0.01, 1.0), 1, "oc", 60, 1e-8)
+    assert best.z[:2] == pytest.approx([1.0 / 3.0, 2.0 / 3.0], abs=1e-6)
+    assert best.z[2] == 0.5
 
 
 def test_what_optimality_criteria_refuse():

@@ -24,6 +24,7 @@ SMALLEST = (
     1e-3  # of its range: what a variable on its lower bound is multiplied as, which it would never leave otherwise
 )
 VANISHED = 1e-12  # of its range: a variable that is on its lower bound but for that
+ROUNDING = 1e-9  # of the largest derivative: a sign below that says nothing
 HALVINGS = 6  # of a step to a design that cannot be evaluated
 STUCK = "no design near the last one could be evaluated"
 
@@ -94,7 +95,7 @@ def update(
     """
     width = upper_z - lower_z
     growth = evaluation.jacobian[0]
-    falling = np.flatnonzero(growth < 0.0)
+    falling = np.flatnonzero(growth < -ROUNDING * np.abs(growth).max())
     if len(falling):
         n = falling[0]
         raise InputError(
@@ -132,7 +133,7 @@ def update(
 
 
 def _note_wrong_signs(evaluation: Evaluation) -> bool:
-    wrong = evaluation.gradient > 0.0
+    wrong = evaluation.gradient > ROUNDING * np.abs(evaluation.gradient).max()
     if not wrong.any():
         return False
     notes.say(
