@@ -244,6 +244,20 @@ def test_optimality_criteria_with_a_curved_constraint():
     assert best.z == pytest.approx(exact, abs=1e-3)
 
 
+def test_optimality_criteria_do_not_go_to_and_fro():
+    """sum a_i / z_i^8 with eta = 1/2: each step would go 4.5 times as far as it should; z_i ~ a_i^(1/9)."""
+    a = np.array([1.0, 10.0, 100.0, 1000.0])
+
+    def evaluate(z):
+        made = compliance(a, 0.5)(z)
+        return Evaluation(float((a / z**8).sum()), -8.0 * a / z**9, made.constraints, made.jacobian)
+
+    best = minimise(evaluate, np.full(4, 0.5), (0.01, 1.0), 1, "oc", 60, 1e-5)
+    exact = a ** (1.0 / 9.0)
+    assert best.converged
+    assert best.z == pytest.approx(exact * 2.0 / exact.sum(), abs=1e-4)
+
+
 def test_optimality_criteria_bear_wrong_signs():
     """A variable that only harms goes to its lower bound; it is said once."""
 
