@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from tmc_vem.problems.base import Problem
 from tmc_vem.problems.design_region import design_regions
 from tmc_vem.sensitivity.equilibrium import Equilibrium, SingularTangent
+from tmc_vem.sensitivity.functionals import functional_of
 from tmc_vem.sensitivity.functionals_record import Functional
 from tmc_vem.sensitivity.gradient import Gradients
 from tmc_vem.simulation.options import RunOptions
@@ -81,7 +82,9 @@ class LoadCase:
         self.system, self._solver = simulation.system, simulation.solver
         self._path, self._stepping = control_path(problem, options), stepping_of(options)
         self._end = self._path.at(self._path.end)
-        self._functionals: dict[object, Functional] = {}
+        self._functionals: dict[object, Functional] = {
+            name: functional_of(name, problem, self.system) for name in wanted
+        }
         self.u: Vec | None = None
 
     def solve(self, stiffness_c: Float, *, from_start: bool = False) -> Solved | None:
