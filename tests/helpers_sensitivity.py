@@ -40,7 +40,8 @@ regions.foot = { shape = "foot", solid = { E = 40, nu = 0.3 } }
 regions.block = { shape = "block", solid = { K = 20, mu = 10, model = "gent", J_m = 30 } }
 regions.medium = { shape = "frame - foot - block", medium = { mu = 10, gamma = 1e-3, alpha = 0.5, h = 0.2, beta = 1 } }
 mesh = { cells = "voronoi", size = 0.18 }
-points = { tip = [0.5, 0.5], ground = [0.5, 0.3] }
+points.tip = [0.5, 0.5]
+points.ground = [0.5, 0.3]
 edges.bottom = { line = [[0, 0], [1, 0]] }
 edges.top = { line = [[0.3, 1], [0.7, 1]] }
 probes.side = { displacement = "ux", at = [0.65, 0.75] }

@@ -88,6 +88,7 @@ class Gradients:
         state = equilibrium.state
         self._changes = Changes(problem, self._system, state.u, state.position)
         self._known: dict[object, Sensitivity] = {}
+        self._by: dict[str, Change] = {}
         self._functionals: dict[object, Functional] = {} if functionals is None else functionals
 
     def sensitivity(self, of: str | Functional) -> Sensitivity:
@@ -102,12 +103,14 @@ class Gradients:
         return self._known[of]
 
     def by(self, name: str) -> Change:
-        """What a number of the problem changes.
+        """What a number of the problem changes; the second time it costs nothing.
 
         Raises:
             InputError: there is no such number, or it makes the mesh.
         """
-        return self._changes.by(name)
+        if name not in self._by:
+            self._by[name] = self._changes.by(name)
+        return self._by[name]
 
     def derivative(self, of: str | Functional, change: Change) -> float:
         """Derivative of a result by a number, equal on all ranks."""
