@@ -211,6 +211,7 @@ def test_packages_and_the_commands_that_bring_them() -> None:
         ),
         "gmsh": ("pip install gmsh or apt-get install python3-gmsh",
                  "apt-get install libglu1-mesa libgl1 libxcursor1 libxft2 libxinerama1 libgomp1"),
+        "nlopt": ("pip install 'tmc-vem[design]' (Python 3.12 or newer) or apt-get install python3-nlopt", ""),
         "pandas": ("pip install 'tmc-vem[analysis]'", ""), "pyvista": ("pip install 'tmc-vem[analysis]'", ""),
         "h5py": ("pip install 'tmc-vem[meshes]'", ""), "netCDF4": ("pip install 'tmc-vem[meshes]'", ""),
         "lz4": ("pip install 'tmc-vem[meshes]'", ""), "sphinx": ("pip install 'tmc-vem[docs]'", ""),

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,6 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import key_of, require_known
 
 Float = NDArray[np.float64]
-T = TypeVar("T")
 
 # Steps of the differences relative to the number: what they are of is given by formulas, not by a solver.
 FIRST_STEP, HALVINGS = 2e-3, 5
@@ -133,15 +132,15 @@ def _key(place: Any, key: str, where: str) -> Any:
     raise InputError(f"{where} has no one entry '{key}': its {len(place)} entries are counted from 1")
 
 
-def _replaced(place: T, way: Sequence[str], value: float, where: str) -> T:
+def _replaced(place: Any, way: Sequence[str], value: float, where: str) -> Any:
     """A copy with one entry changed; dataclasses check it."""
     if not way:
-        return value  # type: ignore[return-value]
+        return value
     key = _key(place, way[0], where)
     inner = _replaced(_entries(place, where)[key], way[1:], value, f"{where}.{way[0]}" if where else way[0])
     if isinstance(place, tuple | list):
-        return type(place)(inner if n == key else entry for n, entry in enumerate(place))  # type: ignore[return-value]
+        return type(place)(inner if n == key else entry for n, entry in enumerate(place))
     if isinstance(place, Mapping):
-        return {**place, key: inner}  # type: ignore[return-value]
-    of_field = {key_of(field.name): field.name for field in dataclasses.fields(place)}  # type: ignore[arg-type]
-    return dataclasses.replace(place, **{of_field[key]: inner})  # type: ignore[type-var]
+        return {**place, key: inner}
+    of_field = {key_of(field.name): field.name for field in dataclasses.fields(place)}
+    return dataclasses.replace(place, **{of_field[key]: inner})

@@ -37,6 +37,10 @@ PACKAGES = {
         "pip install gmsh or apt-get install python3-gmsh",
         "apt-get install libglu1-mesa libgl1 libxcursor1 libxft2 libxinerama1 libgomp1",
     ),
+    "nlopt": Package(
+        "methods mma and ccsaq of designs",
+        "pip install 'tmc-vem[design]' (Python 3.12 or newer) or apt-get install python3-nlopt",
+    ),
     "pandas": Package("RunResult.to_pandas", "pip install 'tmc-vem[analysis]'"),
     "pyvista": Package("RunResult.to_pyvista", "pip install 'tmc-vem[analysis]'"),
     "h5py": Package("meshes in MED and MATLAB 7.3", "pip install 'tmc-vem[meshes]'"),
