@@ -88,6 +88,12 @@ class PolygonMesh:
         check_polygons(self.points_vx, self.cell_offsets, self.cell_vertices)
         self._check_connectivity()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What is sent to other ranks: what was given; a mesh that has been validated is not validated again."""
+        plain = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        named = {name: dict(plain[name]) for name in ("named_points", "named_edges", "cell_data")}
+        return _again, ({**plain, **named, "validate": False},)
+
     @staticmethod
     def from_cells(
         points_vx: Float | Sequence[Sequence[float]],
@@ -259,3 +265,7 @@ def _frozen(values: object, dtype: type) -> NDArray[Any]:
     array: NDArray[Any] = np.array(values, dtype=dtype)
     array.setflags(write=False)
     return array
+
+
+def _again(given: Mapping[str, Any]) -> PolygonMesh:
+    return PolygonMesh(**given)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tmc_vem.problems.base import check_hold
+from tmc_vem.problems.design_table import DesignTable
 from tmc_vem.problems.graded import PLACE
 from tmc_vem.problems.load_tables import LoadTable, SpringTable
 from tmc_vem.problems.materials import Material, Medium, chosen_weight
@@ -219,6 +220,7 @@ class ProblemTable:
         spring: what holds points or edges elastically.
         stage: parts of the run in which other supports hold.
         solve: method and steps, as in :class:`tmc_vem.simulation.options.RunOptions`.
+        design: what ``tmc-vem optimise`` makes of design regions.
     """
 
     name: str
@@ -235,9 +237,12 @@ class ProblemTable:
     spring: tuple[SpringTable, ...] = ()
     stage: tuple[Stage, ...] = ()
     solve: Mapping[str, Any] = field(default_factory=dict)
+    design: DesignTable | None = None
 
     def __post_init__(self) -> None:
         self._check_loads()
+        if self.design is not None and not any(region.is_design for region in self.regions.values()):
+            raise InputError("design: no region has both a solid and a medium, so that nothing is designed")
         check_stages(self.stage)
         for n, support in enumerate(self.support, start=1):
             require_stages(support.stages, self.stage, n)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.energy.mixed import STIFFNESS
 from tmc_vem.problems.base import Problem, with_friction
 from tmc_vem.sensitivity.changes import Change, Changes
 from tmc_vem.sensitivity.equilibrium import Equilibrium
@@ -71,12 +72,15 @@ class Gradients:
     Args:
         problem: what was solved.
         equilibrium: the state.
+        functionals: results by how they are asked for, made for this discretisation; those that are missing are added.
 
     Raises:
         InputError: the problem has friction: the state depends on the path, and not on the present numbers alone.
     """
 
-    def __init__(self, problem: Problem, equilibrium: Equilibrium) -> None:
+    def __init__(
+        self, problem: Problem, equilibrium: Equilibrium, functionals: dict[object, Functional] | None = None
+    ) -> None:
         refuse_friction(problem)
         self._problem, self.equilibrium = problem, equilibrium
         self._system = equilibrium.system
@@ -84,7 +88,7 @@ class Gradients:
         state = equilibrium.state
         self._changes = Changes(problem, self._system, state.u, state.position)
         self._known: dict[object, Sensitivity] = {}
-        self._functionals: dict[object, Functional] = {}
+        self._functionals: dict[object, Functional] = {} if functionals is None else functionals
 
     def sensitivity(self, of: str | Functional) -> Sensitivity:
         """A result with its adjoint field; the second time it costs nothing.
@@ -129,6 +133,21 @@ class Gradients:
         numbers = self._system.cell_numbers()
         total_c = np.zeros(self._system.n_cells_global)
         for part in self._comm.allgather([(numbers[cells], values) for cells, values in mine]):
+            for cells, values in part:
+                total_c[cells] += values
+        return total_c
+
+    def by_stiffness(self, sensitivity: Sensitivity, regions: Sequence[str]) -> Float:
+        """(n_cells of the whole mesh,) derivatives of a result by the stiffness of every cell of design regions; 0 in
+        other cells. Equal on all ranks."""
+        numbers = self._system.cell_numbers()
+        total_c = np.zeros(self._system.n_cells_global)
+        mine = [
+            (numbers[each.cells], each.values_ck[:, each.names.index(STIFFNESS)])
+            for each in sensitivity.of_cells
+            if each.region in regions
+        ]
+        for part in self._comm.allgather(mine):
             for cells, values in part:
                 total_c[cells] += values
         return total_c

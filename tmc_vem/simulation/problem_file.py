@@ -50,6 +50,16 @@ def read_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> 
         raise InputError(message + where) from None
 
 
+def with_changes(problem: OwnProblem, changes: Mapping[str, Any]) -> OwnProblem:
+    """A problem with other values for some of its entries, as :func:`read_problem` makes it of a file.
+
+    Raises:
+        InputError: there is nothing of a name, or the entries do not fit together.
+    """
+    table = build(ProblemTable, changed(as_table(problem.table), changes, NAMED), problem.name)
+    return OwnProblem(table, problem.directory, {**problem.changes, **changes})
+
+
 def problem_text(problem: OwnProblem, options: RunOptions) -> str:
     """Problem and run options as a problem file, which may lie anywhere: files in it are named from the root.
 

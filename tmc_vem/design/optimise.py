@@ -1,0 +1,165 @@
+"""The search for the best design of a problem: levels of projection, evaluations on record, and who hears of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from tmc_vem.design.evaluation import Evaluation, Iterate, Optimum
+from tmc_vem.design.evaluator import Evaluator, Worth
+from tmc_vem.design.optimisers import minimise
+from tmc_vem.design.projection import Continuation, Projection
+from tmc_vem.design.replay import Replay
+from tmc_vem.problems.design_table import DesignTable
+from tmc_vem.problems.own import OwnProblem
+from tmc_vem.simulation.options import RunOptions
+from tmc_vem.support.distributed import Comm
+
+Float = NDArray[np.float64]
+
+FEASIBLE = 1e-4  # of limits, by which a design may violate them
+
+
+@dataclass(frozen=True)
+class DesignStep:
+    """An evaluated design.
+
+    Attributes:
+        number: from 1 on.
+        level: of the projection, from 0 on.
+        projection: densities are projected so, if they are.
+        iterate: variables, objective and constraints.
+        worth: results; None of a design that was answered from the record.
+    """
+
+    number: int
+    level: int
+    projection: Projection | None
+    iterate: Iterate
+    worth: Worth | None
+
+
+@dataclass(frozen=True)
+class DesignResult:
+    """The best design of the last level of projection.
+
+    Attributes:
+        optimum: its variables, and how the search ended.
+        density_c: (n_cells of the mesh,) densities; not a number outside of design regions.
+        stiffness_c: (n_cells of the mesh,) stiffnesses; 0 outside.
+        worth: results of the design, loaded from the beginning.
+        steps: all evaluations.
+        projection: of the last level.
+    """
+
+    optimum: Optimum
+    density_c: Float
+    stiffness_c: Float
+    worth: Worth | None
+    steps: Sequence[DesignStep]
+    projection: Projection | None
+
+    @property
+    def objective(self) -> float:
+        """What was made small; with the other sign what was made large."""
+        return self.optimum.evaluation.objective
+
+
+OnDesign = Callable[[DesignStep], None]
+
+
+class Optimisation:
+    """A search that is prepared; all ranks make it and go through it together.
+
+    Args:
+        problem: with a table ``[design]``.
+        options: how its load cases are solved.
+        comm: ranks; all by default.
+        records: evaluations of a search that was stopped, which are not made again.
+
+    Raises:
+        InputError: the problem has no design, or a load case is wrong.
+    """
+
+    def __init__(
+        self,
+        problem: OwnProblem,
+        options: RunOptions | None = None,
+        comm: Comm | None = None,
+        records: Iterable[tuple[Float, Evaluation]] = (),
+    ) -> None:
+        self.evaluator = Evaluator(problem, options or RunOptions(), MPI.COMM_WORLD if comm is None else comm)
+        self.replay = Replay(self.evaluator, records)
+        self.steps: list[DesignStep] = []
+
+    @property
+    def table(self) -> DesignTable:
+        """What is wanted."""
+        return self.evaluator.table
+
+    def go(self, on_design: OnDesign | None = None) -> DesignResult:
+        """Search; whoever wants to hear of every design is told.
+
+        Raises:
+            InputError: the first design cannot be evaluated, or NLopt is missing.
+        """
+        z, left = self.evaluator.start(), self.table.iterations
+        levels = self._levels()
+        optimum: Optimum | None = None
+        for level, (projection, most) in enumerate(levels):
+            if left < 1 and optimum is not None:
+                break
+            self.evaluator.project(projection)
+            last = level == len(levels) - 1
+            optimum = self._search(z, left if last else min(most, left), level, projection, on_design)
+            z, left = optimum.z, left - optimum.evaluations
+        assert optimum is not None
+        worth = self._at_the_end(z)
+        return DesignResult(
+            optimum,
+            self.evaluator.densities(z),
+            self.evaluator.stiffness(z),
+            worth,
+            tuple(self.steps),
+            self.evaluator.parametrisation.projection,
+        )
+
+    # -- parts -----------------------------------------------------------------------------------------------------
+
+    def _levels(self) -> list[tuple[Projection | None, int]]:
+        """Projections with the most evaluations on each."""
+        table = self.table.projection
+        if table is None:
+            return [(None, self.table.iterations)]
+        continuation = Continuation(table.first, table.largest, every=table.every, eta=table.eta)
+        return [(projection, table.every) for projection in continuation.levels()]
+
+    def _search(
+        self, z: Float, evaluations: int, level: int, projection: Projection | None, on_design: OnDesign | None
+    ) -> Optimum:
+        table, evaluator = self.table, self.evaluator
+
+        def told(iterate: Iterate) -> None:
+            fresh = self.replay.replayed < len(self.steps) + 1
+            step = DesignStep(len(self.steps) + 1, level, projection, iterate, evaluator.worth if fresh else None)
+            self.steps.append(step)
+            if on_design is not None:
+                on_design(step)
+
+        volume = table.volume
+        constraint = None if volume is None else (lambda z: evaluator.parametrisation.volume(z) / volume - 1.0)
+        return minimise(
+            self.replay, z, (0.0, 1.0), len(evaluator.constraints), table.method, evaluations, table.tolerance, told,
+            feasibility=FEASIBLE, constraint=constraint,
+        )  # fmt: skip
+
+    def _at_the_end(self, z: Float) -> Worth | None:
+        """The best design once more, loaded from the beginning: what a run of it gives."""
+        for case in self.evaluator.cases.values():
+            case.u = None
+        self.evaluator(z)
+        return self.evaluator.worth
