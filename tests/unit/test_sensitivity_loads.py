@@ -11,7 +11,7 @@ from helpers_sensitivity import SEAL, Case, case_of, finer, own, per_cell_sums, 
 from tmc_vem.problems.own import OwnProblem
 
 HOLE = (
-    SEAL.replace('"block", solid', '"block - hole", solid')
+    SEAL.replace('"block", solid', '"block - hole", hold = "medium", solid')
     .replace("[0.3, 0.5, 0.7, 1.0]", "[0.2, 0.5, 0.8, 1.0]").replace("[[0.3, 1], [0.7, 1]]", "[[0.2, 1], [0.8, 1]]")
     .replace("size = 0.18", "size = 0.09")
     + """
@@ -93,12 +93,13 @@ def test_a_block_that_is_turned(method: str) -> None:
 
 def test_inclined_supports(method: str) -> None:
     """Displacements across an incline that turns the axes of nodes, and along it."""
-    along = {"at": "top", "tangential": 0.01}
-    problem = loaded(INCLINED, {"at": "top", "normal": -0.12, "name": "press"}, support=(HELD, along))
+    slide = {"at": "side", "force": [0.0, -0.02], "name": "slide"}
+    problem = loaded(INCLINED + "points.side = [0.7, 0.75]\n", {"at": "top", "normal": -0.12, "name": "press"}, slide,
+                     support=(HELD, {"at": "side", "ux": 0.01}))  # fmt: skip
     case = case_of(by(method, problem), method, steps=4)
     assert case.simulation.system.turned().nodes.size
     of = ("gap", "press.reaction", "press.displacement", "side", "hold", "energy.medium")
-    assert_right(case, of, ("load.press.normal", "support.top.tangential", *SOLIDS))
+    assert_right(case, of, ("load.press.normal", "load.slide.force.2", "support.side.ux", *SOLIDS))
 
 
 @pytest.mark.parametrize(

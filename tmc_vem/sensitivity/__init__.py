@@ -8,12 +8,8 @@ from tmc_vem.support.lazy import lazily
 
 if TYPE_CHECKING:
     from tmc_vem.sensitivity.at_end import Sensitivities, SensitivityWarning, of_directory, sensitivities
-    from tmc_vem.sensitivity.functionals_fields import PNorm
     from tmc_vem.sensitivity.table import SensitivityTable
 
-__all__ = ["PNorm", "Sensitivities", "SensitivityTable", "SensitivityWarning", "of_directory", "sensitivities"]
+__all__ = ["Sensitivities", "SensitivityTable", "SensitivityWarning", "of_directory", "sensitivities"]
 
-_AT_END = ("Sensitivities", "SensitivityWarning", "of_directory", "sensitivities")
-__getattr__ = lazily(
-    __name__, {**dict.fromkeys(_AT_END, "at_end"), "PNorm": "functionals_fields", "SensitivityTable": "table"}
-)
+__getattr__ = lazily(__name__, {**dict.fromkeys(__all__, "at_end"), "SensitivityTable": "table"})
