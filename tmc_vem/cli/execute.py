@@ -13,6 +13,7 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.support.petsc_start import start
 
 PROGRAM = "tmc-vem"
+ASIDE = "tmc_vem.aside"  # key in a context's meta: what takes problem and options instead of a run
 RESUME = "tmc_vem.resume"  # key in a context's meta: the run goes on from its checkpoint
 
 
@@ -23,7 +24,11 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
         InputError, CodegenError: bad input.
         ConvergenceError: the full load was not reached; what converged is in the run directory.
     """
-    _start_petsc(options["petsc"], clean_stdout=options["as_json"])
+    aside = click.get_current_context(silent=True)
+    if aside is not None and ASIDE in aside.meta:
+        aside.meta[ASIDE](problem, settings)
+        return
+    start_petsc(options["petsc"], clean_stdout=options["as_json"])
     from mpi4py import MPI
 
     from tmc_vem.cli.progress import ConsoleMonitor, print_summary
@@ -81,7 +86,7 @@ def _petsc_words(options: str) -> list[str]:
     return words
 
 
-def _start_petsc(options: str, clean_stdout: bool) -> None:
+def start_petsc(options: str, clean_stdout: bool) -> None:
     """Start PETSc; its list of unused options, which newer versions print at the end, may be suppressed.
 
     Raises:

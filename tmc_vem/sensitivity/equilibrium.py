@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.sensitivity.functionals_record import Derivative, FunctionalState
+from tmc_vem.simulation.reading import Behind
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import TmcError
@@ -46,6 +47,7 @@ class Equilibrium:
         system: the discretisation.
         u: displacements.
         position: where on the path it is.
+        behind: tells whether the second of two points is behind the surface of the first, where surfaces cross.
 
     Raises:
         SingularTangent: the tangent there cannot be factorised.
@@ -57,12 +59,14 @@ class Equilibrium:
         negative_pivots: of the tangent; above zero the state is unstable. None if the solver cannot tell.
     """
 
-    def __init__(self, solver: NewtonSolver, system: Discretisation, u: Vec, position: Control) -> None:
+    def __init__(
+        self, solver: NewtonSolver, system: Discretisation, u: Vec, position: Control, behind: Behind | None = None
+    ) -> None:
         self.system, self._solver = system, solver
         system.set_position(position)
         residual = system.create_vector()
         system.residual(u, residual)
-        self.state = FunctionalState(u, residual, position)
+        self.state = FunctionalState(u, residual, position, behind)
         self.per_load = system.create_vector()
         solved, self.negative_pivots = solver.per_load(u, position, self.per_load)
         if not solved:

@@ -2,7 +2,8 @@
 
 A result is a probe, by its name or as an object; ``reaction`` or ``displacement`` of the load that is reported first;
 ``NAME.reaction`` and the like of a load with a name; ``compliance``, the work of all forces; ``energy`` or
-``energy.REGION``; or ``contact.BODY.force_x`` and the like.
+``energy.REGION``; ``contact.BODY.force_x`` and the like; or ``p_norm.FIELD.REGION``, with another exponent than that of
+the probe at its end.
 """
 
 from __future__ import annotations
@@ -45,12 +46,14 @@ from tmc_vem.sensitivity.functionals_nodes import Nodes
 from tmc_vem.sensitivity.functionals_points import GapFunctional, PointFunctional
 from tmc_vem.sensitivity.functionals_record import Functional
 from tmc_vem.simulation.contact_gauge import ContactGauge
+from tmc_vem.support.assignments import keys
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import require_choice
 from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.forces import Spring
 
 ENERGY, COMPLIANCE = "energy", "compliance"
+P_NORM = "p_norm" + OF  # what the names of p-norms begin with; then come the field, the region, and perhaps p
 Result = str | Probe | Functional
 Make = Callable[[], Functional]
 
@@ -115,6 +118,8 @@ class Functionals:
                 raise InputError(f"{name}: {error}") from None
         if name in self._others:
             return self._others[name]()
+        if name.startswith(P_NORM):
+            return self.of(p_norm(name))
         of, _, quantity = name.removeprefix(CONTACT).rpartition(OF)
         if name.startswith(CONTACT) and of:
             return self._contact(of, quantity)
@@ -191,6 +196,19 @@ _OVER_A_REGION = "take the mean or the integral over a region, or a p-norm"
 
 def _refused_value(probe: ValueAt) -> Functional:
     raise InputError(f"{probe} is a recovered value, which is not differentiated: {_OVER_A_REGION}")
+
+
+def p_norm(name: str) -> PNorm:
+    """The p-norm of a name, ``p_norm.von_mises.block`` or ``p_norm.von_mises.block.12``.
+
+    Raises:
+        InputError: it is not of that form, the field may be negative, or p is below 1.
+    """
+    _, *of = keys(name)
+    try:
+        return PNorm(of[0], of[1], *([float(".".join(of[2:]))] if of[2:] else []))
+    except (IndexError, ValueError):
+        raise InputError(f"'{name}' is no p-norm: write {P_NORM}FIELD.REGION or {P_NORM}FIELD.REGION.8") from None
 
 
 def functional_of(result: Result, problem: Problem, system: Discretisation) -> Functional:
