@@ -147,7 +147,8 @@ class LoadCase:
         assert self._stiffness is not None
         u, moved = self.u.copy(), self.u.duplicate()
         for part in range(1, parts + 1):
-            self._set(self._stiffness + (part / parts) * (stiffness_c1 - self._stiffness))
+            between_c1 = self._stiffness + (part / parts) * (stiffness_c1 - self._stiffness)
+            self._set(stiffness_c1 if part == parts else between_c1)
             trial = u.copy()
             self._solver.set_prescribed(trial, self._end)
             try:
