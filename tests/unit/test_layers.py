@@ -31,6 +31,7 @@ LAYERS = (
     "tmc_vem.results",
     "tmc_vem.report",
     "tmc_vem.simulation",
+    "tmc_vem.design",
     "tmc_vem.study",
     "tmc_vem.cli",
     "tmc_vem.moved",

@@ -1,0 +1,1 @@
+"""Optimal design: densities on polygons, and what is made of them."""
