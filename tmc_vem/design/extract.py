@@ -30,6 +30,7 @@ from tmc_vem.problems.materials import Material
 from tmc_vem.problems.mesh_tables import MeshTable
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.problems.probe_table import ProbeTable
+from tmc_vem.problems.probes import Displacement, Gap, Position
 from tmc_vem.support.errors import InputError
 
 Float = NDArray[np.float64]
@@ -177,11 +178,14 @@ def extracted_problem(
     energies = {name: region.is_medium for name, region in problem.regions().items()}
     solids = tuple(name for name in passive if not energies[name])
     held, loaded = _places(table)
+    mesh, unnamed = _with_probed(problem, mesh)
     domain = Domain(mesh, tuple(name for name in mesh.region_names if name in materials), solids, held, loaded)
     names = _names(materials, passive)
     outlines = contour(domain, np.asarray(density_c, dtype=float), names, options)
     corners = [(x, y) for x, y in mesh.points_vx[sorted(domain.corners)].tolist()]
     fitted = fitted_mesh(regions_of(outlines.faces, corners), domain, outlines.cell, options)
+    points = {name: vertex for name, vertex in fitted.named_points.items() if name not in unnamed}
+    fitted = replace(fitted, named_points=points, validate=False)
     described = _regions(table, materials, names, fitted)
     made = _renamed(table, names, described)
     return Extracted(made, fitted, outlines, _area(fitted, [solid for solid, _ in names.values()]), problem.directory)
@@ -210,6 +214,14 @@ def _places(table: ProblemTable) -> tuple[tuple[str, ...], tuple[str, ...]]:
     loading = [load.at for load in table.loads if load.at is not None and load.kind not in HOLDING]
     held = [*(support.at for support in table.support), *(spring.at for spring in table.spring), *holding]
     return tuple(dict.fromkeys(held)), tuple(dict.fromkeys(loading))
+
+
+def _with_probed(problem: OwnProblem, mesh: PolygonMesh) -> tuple[PolygonMesh, set[str]]:
+    """The mesh with names for the points that probes need as vertices and give by coordinates, and these names."""
+    moved = [probe for probe in problem.probes().values() if isinstance(probe, Displacement | Position | Gap)]
+    places = [place for probe in moved for place in probe.places if not isinstance(place, str)]
+    added = {f"probed at ({x!r}, {y!r})": mesh.find_vertex(x, y) for x, y in places}
+    return replace(mesh, named_points={**added, **mesh.named_points}, validate=False), set(added) - {*mesh.named_points}
 
 
 def _regions(
