@@ -23,6 +23,10 @@ Bool = NDArray[np.bool_]
 
 # Cells are no smaller than this fraction of the width below which gaps are closed.
 SMALLEST = 0.2
+# Outlines are close where the way between them makes an angle of at least this cosine with one of them.
+FACING = 0.8
+# By how much more finely narrow places are meshed where no mesh fits into them at first.
+FINER = (1.0, 1.5, 2.5)
 # So many of the nearest narrow places are asked how small cells are.
 ASKED = 8
 # Vertices that are tried for a named point inside a region.
@@ -47,16 +51,23 @@ def fitted_mesh(regions: Sequence[Region], domain: Domain, cell: float, options:
     from tmc_vem.mesh.make.voronoi import voronoi_mesh
 
     on, inside = named_places(regions, domain)
-    size = local_size(regions, cell, options)
-    try:
-        if options.cells == "voronoi":
-            mesh = voronoi_mesh(regions, size, on)
-        else:
-            mesh = triangle_mesh(regions, size, on, quadrilaterals=options.cells == "quadrilaterals")
-    except InputError as error:
+    failed: InputError | None = None
+    for finer in FINER:
+        size = local_size(
+            regions, cell, replace(options, across=options.across * finer, growth=options.growth / np.sqrt(finer))
+        )
+        try:
+            if options.cells == "voronoi":
+                mesh = voronoi_mesh(regions, size, on)
+            else:
+                mesh = triangle_mesh(regions, size, on, quadrilaterals=options.cells == "quadrilaterals")
+            break
+        except InputError as error:
+            failed = failed or error
+    else:
         other = "voronoi" if options.cells != "voronoi" else "triangles"
         raise InputError(
-            f"the outlines of the design cannot be meshed: {error} (a wider narrowest = {options.narrowest:g}, a "
+            f"the outlines of the design cannot be meshed: {failed} (a wider narrowest = {options.narrowest:g}, a "
             f"smaller size or cells = '{other}' may help)"
         ) from None
     mesh = replace(mesh, named_edges=named_edges(mesh, domain), validate=False)
@@ -82,7 +93,7 @@ def local_size(regions: Sequence[Region], cell: float, options: ExtractOptions) 
     largest = cell if options.size is None else options.size
     smallest = min(largest, SMALLEST * options.narrowest * cell)
     skeleton = make_skeleton(regions, 0.5 * largest)
-    width_n, _ = widths(skeleton)
+    width_n, _ = widths(skeleton, FACING, both=False)
     narrow = np.flatnonzero(width_n < options.across * largest)
     curves = [curve for region in regions for curve in region.curves() if curve.length < 2.0 * largest]
     short = [curve.at(np.linspace(0.0, 1.0, 3)) for curve in curves]
