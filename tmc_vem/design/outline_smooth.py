@@ -101,8 +101,8 @@ class Smoother:
             end = self._ended(offset_line(line, offset), (line[0], line[-1]))
             if end is not None:
                 simple = shapely.LineString(end).simplify(self.options.tolerance * self.cell, preserve_topology=True)
-                clear = self._clear_of_corners(spaced(shapely.get_coordinates(simple), CLOSE * self.cell))
-                found.append(blunted(clear))
+                clear = self._clear(spaced(shapely.get_coordinates(simple), CLOSE * self.cell))
+                found.append(blunted(spaced(clear, CLOSE * self.cell)))
         return self._through(found)
 
     def _ended(self, line: Float, ends: tuple[Float, Float]) -> Float | None:
@@ -169,11 +169,19 @@ class Smoother:
                 return np.array(place)
         return foot
 
-    def _clear_of_corners(self, line: Float) -> Float:
-        """The line without coming as close to a corner of the borders as gaps that are closed are wide."""
+    def _clear(self, line: Float) -> Float:
+        """The line without coming as close to borders as gaps that are closed are wide, except at its ends."""
         import shapely
 
-        width, moved = self.options.narrowest * self.cell, line
+        width, room = self.options.narrowest * self.cell, self.domain.room
+        ways = shapely.get_coordinates(shapely.shortest_line(room.boundary, shapely.points(line))).reshape(-1, 2, 2)
+        way = ways[:, 1] - ways[:, 0]
+        length = np.hypot(*way.T)
+        near = (length < width) & (length > self.domain.tolerance)
+        if not is_closed(line):
+            near[[0, -1]] = False
+        inwards = np.where(shapely.contains_xy(room, line), 1.0, -1.0) / np.maximum(length, self.domain.tolerance)
+        moved = np.where(near[:, None], ways[:, 0] + width * inwards[:, None] * way, line)
         for corner in self.domain.turns:
             shape = shapely.LineString(moved)
             away = shape.distance(shapely.Point(corner))
