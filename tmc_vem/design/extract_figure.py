@@ -72,7 +72,10 @@ def _lines(mesh: PolygonMesh, outlines: Any, displacements: Float | None) -> lis
     """Points of all rings, moved along with the mesh."""
     import shapely
 
-    rings = shapely.get_parts(outlines.boundary)
+    fine = 0.01 * float(np.ptp(mesh.points_vx, axis=0).max())  # straight lines bend with the mesh
+    rings = shapely.get_parts(
+        outlines.boundary if displacements is None else shapely.segmentize(outlines.boundary, fine)
+    )
     lines: list[Float] = [shapely.get_coordinates(ring) for ring in rings]
     if displacements is None:
         return lines
