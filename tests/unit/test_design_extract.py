@@ -190,8 +190,8 @@ def test_solved(directory: Path, tmp_path: Path) -> None:
     assert exact.complete
     assert extracted.probes["tip"] == pytest.approx(-0.02)
     assert extracted.reaction is not None
-    assert extracted.reaction == pytest.approx(exact.reaction, rel=0.03)
-    assert extracted.probes["stored"] == pytest.approx(exact.probes["stored"], rel=0.03)
+    assert extracted.reaction == pytest.approx(exact.reaction, rel=0.04)
+    assert extracted.probes["stored"] == pytest.approx(exact.probes["stored"], rel=0.04)
 
 
 # -- names of regions --------------------------------------------------------------------------------------------------

@@ -94,7 +94,7 @@ def test_the_level_with_the_volume_of_the_densities() -> None:
     level = field.level_of_volume()
     assert level != pytest.approx(0.5, abs=1e-4)
     assert field.solids(level).area == pytest.approx(field.volume, rel=1e-8)
-    assert outlines("voronoi", 12, C_SHAPE, level=None).volume == pytest.approx(field.volume, rel=1e-5)
+    assert outlines("voronoi", 12, C_SHAPE).volume == pytest.approx(field.volume, rel=1e-5)
 
 
 def test_all_solid() -> None:
@@ -134,6 +134,10 @@ def test_no_design_cells() -> None:
 def test_nothing_is_solid() -> None:
     mesh = square("quadrilaterals", 4)
     with pytest.raises(InputError, match=r"nothing is solid at level 0\.5: the densities reach 0\.4 at most"):
+        contour(Domain(mesh, ("design",)), np.full(16, 0.4), NAMES, ExtractOptions(level=0.5))
+    with pytest.raises(
+        InputError, match=r"no level from 0\.01 to 0\.99 has the volume of the densities, 0\.4: they are"
+    ):
         contour(Domain(mesh, ("design",)), np.full(16, 0.4), NAMES, ExtractOptions())
 
 
@@ -164,7 +168,7 @@ def test_outlines_converge(kind: str) -> None:
         errors = []
         for place in range(6):
             shape = ring(place)
-            found = outlines(kind, n, shape)
+            found = outlines(kind, n, shape, level=0.5)
             assert (found.parts, found.holes, found.notes) == (1, 1, ())
             assert found.solid.is_valid
             errors.append([found.volume / shape.area - 1.0, found.solid.symmetric_difference(shape).area / shape.area])
@@ -241,7 +245,7 @@ def test_films_are_cut_and_necks_widened() -> None:
 
 def test_parts_that_carry_nothing() -> None:
     shape = shapely.box(0.0, 0.4, 1.0, 0.6) | shapely.box(0.3, 0.8, 0.7, 0.95)
-    found = outlines("quadrilaterals", 20, shape, held=("wall",), loaded=("right",))
+    found = outlines("quadrilaterals", 20, shape, held=("wall",), loaded=("right",), level=0.5)
     assert found.parts == 1
     assert "1 part(s) that carry nothing removed" in found.notes[0]
     assert "near (0.5, 0.8" in found.notes[0]
@@ -254,7 +258,7 @@ def test_not_connected() -> None:
     with pytest.raises(InputError, match=r"load: nothing is solid at 'right', the nearest solid is 0\.2 away"):
         outlines("quadrilaterals", 20, shapely.box(0.0, 0.4, 0.8, 0.6), held=("wall",), loaded=("right",))
     apart = shapely.box(0.0, 0.4, 0.4, 0.6) | shapely.box(0.6, 0.4, 1.0, 0.6)
-    found = outlines("quadrilaterals", 20, apart, held=("wall",), loaded=("right",))
+    found = outlines("quadrilaterals", 20, apart, held=("wall",), loaded=("right",), level=0.5)
     assert "the part under load 'right', near (0.8, 0.5), has no support of its own" in found.notes[0]
     with pytest.raises(InputError, match="'nothing' is neither a point nor edges of the mesh"):
         outlines("quadrilaterals", 20, apart, held=("nothing",))

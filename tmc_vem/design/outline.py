@@ -30,6 +30,8 @@ Bool = NDArray[np.bool_]
 
 # Values that are closer to the level than this are above it: a line through a vertex goes round it.
 ON_LEVEL = 1e-6
+# Levels that are looked at for the one with the volume of the densities, which it has up to this fraction.
+HALF, BETWEEN, SAME_VOLUME = 0.5, (0.01, 0.99), 0.01
 # Densities may be beyond 0 and 1 by this, from an optimiser's rounding.
 ROUNDED = 1e-6
 
@@ -139,17 +141,26 @@ class DensityField:
         """Level within whose lines the area is the volume of the densities.
 
         Raises:
-            InputError: there is none, as the densities are almost 0 or 1 everywhere.
+            InputError: there is none to a percent, as large parts have one density between 0 and 1.
         """
         from scipy.optimize import brentq
 
-        low, high = 0.01, 0.99
-        if not self.area_above(high) < self.volume < self.area_above(low):
+        if abs(self.area_above(HALF) - self.volume) <= 1e-9 * self.volume:
+            return HALF
+        low, high = BETWEEN
+        more = self.area_above(low) > self.volume
+        if more and self.area_above(high) < self.volume:
+            level = float(brentq(lambda level: self.area_above(level) - self.volume, low, high, xtol=1e-10))
+        else:
+            level = high if more else low
+        found = self.area_above(level)
+        if abs(found - self.volume) > SAME_VOLUME * self.volume:
             raise InputError(
-                f"no level between {low:g} and {high:g} has the volume of the densities, {self.volume:.6g}: the areas "
-                f"there are {self.area_above(low):.6g} and {self.area_above(high):.6g}; give the level, 0.5 for example"
+                f"no level from {low:g} to {high:g} has the volume of the densities, {self.volume:.6g}: they are grey "
+                f"in large parts, and {found:.6g} is above {level:.4g}; give the level (0.5), or a design that is more "
+                "clearly solid and void"
             )
-        return float(brentq(lambda level: self.area_above(level) - self.volume, low, high, xtol=1e-10))
+        return level
 
     def _apart(self, level: float) -> Float:
         value_p: Float = np.where(np.abs(self.value_p - level) < ON_LEVEL, level + ON_LEVEL, self.value_p)
