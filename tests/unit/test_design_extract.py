@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import tmc_vem
 from tmc_vem.design.extract import DesignMaterials, Extracted, extracted_problem
+from tmc_vem.design.extract_compare import compare_runs, comparison_table
 from tmc_vem.design.extract_figure import density_figure
 from tmc_vem.design.extract_files import write_extracted
 from tmc_vem.design.extract_mesh import with_point
@@ -29,6 +30,8 @@ from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.description import MediumTable
 from tmc_vem.problems.materials import Material
 from tmc_vem.problems.own import OwnProblem
+from tmc_vem.results.records import StepRecord
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.problem_file import read_problem
 from tmc_vem.support.errors import InputError
@@ -308,3 +311,40 @@ def test_figure(directory: Path) -> None:
         density_figure(mesh, density[1:])
     with pytest.raises(InputError, match="displacements have shape"):
         density_figure(mesh, density, None, mesh.points_vx[1:])
+
+
+# -- comparison --------------------------------------------------------------------------------------------------------
+
+
+def run_of(directory: Path, *steps: tuple[float, float, dict[str, float]]) -> RunResult:
+    """A run that has reached some loads, with reactions and probes."""
+    history = [
+        StepRecord(
+            n, load, -0.2 * load, probes, reaction, iterations=3, cut_backs=0, wasted_iterations=0, min_j={}, energy={},
+            negative_pivots=0, jumped=False, seconds=1.0,
+        )
+        for n, (load, reaction, probes) in enumerate(steps, start=1)
+    ]  # fmt: skip
+    return RunResult(
+        inputs={}, versions={}, complete=False, reason="", load=1.0, n_cells=1, n_dofs=1, newton_iterations=0,
+        cut_backs=0, projection_degrees={}, seconds={}, history=history, directory=directory,
+    )  # fmt: skip
+
+
+def test_comparison(directory: Path) -> None:
+    """At the last load that both reached, between steps on a line."""
+    _, _, found = fork(directory)
+    design = run_of(directory, (0.5, -1.0, {"tip": 0.1, "own": 1.0}), (1.0, -3.0, {"tip": 0.3, "own": 1.0}))
+    fitted = run_of(directory, (0.75, -2.1, {"tip": 0.19}))
+    rows = {row.name: row for row in compare_runs(design, fitted, found)}
+    assert list(rows) == ["volume", "displacement", "reaction", "tip"]
+    assert (rows["reaction"].design, rows["reaction"].extracted) == (pytest.approx(-2.0), -2.1)
+    assert rows["reaction"].difference == pytest.approx(0.05)
+    assert rows["displacement"].difference == pytest.approx(0.0)
+    assert rows["tip"].design == pytest.approx(0.2)
+    assert rows["volume"].extracted == found.volume_mesh
+    table = comparison_table(design, fitted)
+    assert table.caption.endswith("at 0.75 of the load.")
+    assert tuple(table.rows[1]) == ("reaction", "-2.0000e+00", "-2.1000e+00", "+5.00 %")
+    with pytest.raises(InputError, match="the run of the extracted problem has no load step"):
+        compare_runs(design, run_of(directory))
