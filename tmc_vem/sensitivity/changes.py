@@ -175,12 +175,20 @@ class Changes:
         centroid_cx, here_c = self._cells
         values_c = np.zeros(len(centroid_cx))
         here = here_c == region
+        data = {name: values[here] for name, values in self._data.items()}
         try:
-            factor_ck = energy.graded.factors(centroid_cx[here], {})
+            factor_ck = energy.graded.factors(centroid_cx[here], data)
         except InputError as error:
-            raise InputError(f"regions: {region}: {error} (formulas of cell data have no derivatives here)") from None
+            raise InputError(f"regions: {region}: {error}") from None
         values_c[here] = energy.values[parameter] * factor_ck[:, energy.graded.names.index(parameter)]
         return values_c
+
+    @cached_property
+    def _data(self) -> Mapping[str, Float]:
+        """Cell data of the mesh by name, (n_cells,) in this rank's cells; asked for on all ranks together."""
+        whole = from_root(self._system.comm, lambda: dict(self._problem.make_mesh().cell_data))
+        numbers = self._system.cell_numbers()
+        return {name: values[numbers] for name, values in whole.items()}
 
     @cached_property
     def _cells(self) -> tuple[Float, NDArray[np.str_]]:

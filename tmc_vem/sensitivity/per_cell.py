@@ -67,12 +67,14 @@ def per_cell(found: Sensitivities, of: Sequence[str], by: Sequence[str]) -> Cell
     gradients, problem = found.gradients, found.problem
     system, u = gradients.equilibrium.system, gradients.equilibrium.state.u
     changes = {name: gradients.by(name) for name in by}
-    values = {(a, b): gradients.by_cells(a, change) for b, change in changes.items() for a in of}
-    numbers, areas = system.comm.gather(system.cell_numbers()), system.comm.gather(system.cell_areas())
+    for change in changes.values():
+        change.require_cells()
+    mine = {(a, b): gradients.by_own_cells(a, change) for b, change in changes.items() for a in of}
+    parts = system.comm.gather((system.cell_areas(), mine))
     fields = gather_fields(system, u, media_of(problem))
-    if fields is None or numbers is None or areas is None:
+    if fields is None or parts is None:
         return None
-    number_c, area_c = np.concatenate(numbers), np.concatenate(areas)
+    area_c = np.concatenate([area for area, _ in parts])
     short, units = short_names(by), problem.units()
     region_names = np.array(fields.polygons.region_names)[fields.polygons.region_c]
     cell_fields: dict[str, Float] = {}
@@ -80,7 +82,7 @@ def per_cell(found: Sensitivities, of: Sequence[str], by: Sequence[str]) -> Cell
     panels: list[Panel] = []
     for a in of:
         for b in by:
-            name, value_c = f"d({a})/d({short[b]})", values[a, b][number_c]
+            name, value_c = f"d({a})/d({short[b]})", np.concatenate([values[a, b] for _, values in parts])
             of_value, of_change = of_result(a, problem), of_number(b, problem)
             unit = of_value.over(of_change) if of_value and of_change and units.declared else None
             per_area = unit.over(OF_KIND[AREA]).text(units) if unit else ""
