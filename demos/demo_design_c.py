@@ -2,9 +2,9 @@
 """A C-shape that rests on itself: topology optimisation with self-contact.
 
 The tip of the upper arm is pushed down by five times the width of the slot between both arms
-(`demos/problems/design_c.toml`), and the design, 70 % of the plate, is to resist as much as it can. The upper arm alone
-cannot use so much material: what is left helps only where the upper arm comes to rest on the lower one. A design that is
-made for a displacement so small that nothing touches knows nothing of that.
+(`demos/problems/design_c.toml`), and the design, 70 % of the plate, is to resist as much as it can. The upper arm
+alone cannot use so much material: what is left helps only where the upper arm comes to rest on the lower one. A design
+that is made for a displacement so small that nothing touches knows nothing of that.
 
 The force is compared with that of the design for small displacements, as it is, with whatever contact it happens to
 make, and without contact, in proportion to the displacement. The search is done from two starts; and the best design is
@@ -32,15 +32,12 @@ from tmc_vem.design.extract import DesignMaterials, extracted_problem
 from tmc_vem.design.extract_files import write_extracted
 from tmc_vem.design.final import designed
 from tmc_vem.design.session import optimise
-from tmc_vem.problems.stiffness_file import read_design
-from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.problem_file import read_problem
 
 PROBLEM = Path(__file__).parent / "problems" / "design_c.toml"
 SMALL = -0.004  # displacement at which nothing touches
 BETTER, SAME, CONFIRMED = 1.2, 0.02, 0.05  # factor of the force, and what two starts and the outlines may differ by
 QUICK: dict[str, Any] = {"mesh.size": 1 / 30, "design.iterations": 12, "design.filter.radius": 0.07}
-OPTIONS = RunOptions(overwrite=True)
 
 
 def search(name: str, changes: dict[str, Any], out: Path) -> float:
@@ -53,7 +50,8 @@ def search(name: str, changes: dict[str, Any], out: Path) -> float:
 def load(name: str, changes: dict[str, Any], out: Path) -> RunResult:
     """Push the tip of a design all the way down."""
     problem, options = read_problem(PROBLEM, changes)
-    result = run(designed(problem, out / name / "stiffness.npz"), out / name / "pushed", replace(options, overwrite=True))
+    made = designed(problem, out / name / "stiffness.npz")
+    result = run(made, out / name / "pushed", replace(options, overwrite=True))
     assert result.complete, result.reason
     return result
 
@@ -66,7 +64,8 @@ def fitted(name: str, changes: dict[str, Any], out: Path) -> tuple[RunResult, fl
     assert region.medium is not None
     materials = {"design": DesignMaterials(region.solid, region.medium)}
     bare = replace(problem, table=replace(problem.table, design=None))
-    extracted = extracted_problem(bare, mesh, read_design(out / name / "stiffness.npz", mesh), materials)
+    density_c = np.load(out / name / "stiffness.npz")["density_c"]  # all cells are of the design, in their order
+    extracted = extracted_problem(bare, mesh, density_c, materials)
     _, made = write_extracted(extracted, out / "outlines")
     result = run(made, out / "outlines" / "run", replace(options, overwrite=True))
     assert result.complete, result.reason
@@ -110,12 +109,13 @@ def main() -> None:
         again = search("again", {"design.noise": 0.3, "design.seed": 1}, out)
         fit, volume = fitted("contact", changes, out)
         results["by its outlines"] = fit
-        rows += [("with contact, from another start", again), ("with contact, by its outlines", -fit.history[-1].reaction)]
+        rows.append(("with contact, from another start", again))
+        rows.append(("with contact, by its outlines", -fit.history[-1].reaction))
     for name, force in rows:
         table.add_row(name, f"{force:.5f}", f"{best / force:.3f}")
     Console().print(table)
     draw(results, without, out / "design_c.png")
-    print(f"pictures: {out / 'design_c.png'}, {out / 'contact' / 'design.png'}; report: {out / 'contact' / 'report.html'}")
+    print(f"forces: {out / 'design_c.png'}; design: {out / 'contact' / 'report.html'}")
     if not options.quick:
         print(f"volume by outlines {volume:+.2%}")
         assert best / without > BETTER
