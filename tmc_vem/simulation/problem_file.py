@@ -72,14 +72,14 @@ def problem_text(problem: OwnProblem, options: RunOptions) -> str:
     for region in table["regions"].values():
         for place, key in ((region, "density"), (region.get("medium", {}), "regulariser")):
             if key in place:
-                place[key] = _from_root(place[key], directory)
+                place[key] = from_root(place[key], directory)
     solve = as_table(dataclasses.replace(options, overwrite=False, max_iterations=None, max_seconds=None))
     if "solver" in solve and Path(solve["solver"]).is_file():
         solve["solver"] = str(Path(solve["solver"]).resolve())
     return HEADER + toml_text({**table, "solve": solve} if solve else {k: v for k, v in table.items() if k != "solve"})
 
 
-def _from_root(wanted: str, directory: Path) -> str:
+def from_root(wanted: str, directory: Path) -> str:
     """``FILE.py:FUNCTION`` with the whole path of the file, if it is one of the directory's."""
     file, colon, function = wanted.rpartition(":")
     inside = directory / file
