@@ -31,10 +31,7 @@ LAYERS = (
     "tmc_vem.results",
     "tmc_vem.report",
     "tmc_vem.simulation",
-<<<<<<< HEAD
     "tmc_vem.sensitivity",
-=======
->>>>>>> extract
     "tmc_vem.design",
     "tmc_vem.study",
     "tmc_vem.cli",
