@@ -17,15 +17,16 @@ from numpy.typing import NDArray
 
 from codegen.directional import Rated, RatedMath, RatedParameters, rated
 from codegen.errors import CodegenError
-from codegen.integrand import DEFORMATION_GRADIENT, SECOND_GRADIENT, Integrand
-from codegen.record import Record, Value, components, in_parts, namespaces, part_of, record_of
-from codegen.tape import Tape, TracedScalar
+from codegen.integrand import DEFORMATION_GRADIENT, LAYOUT, SECOND_GRADIENT, Integrand
+from codegen.record import Record, components, in_parts, namespaces, part_of, record_of, traced
+from codegen.tape import Node, Tape, TracedScalar
 from codegen.trace import trace
 
 Float = NDArray[np.float64]
+Value = Any  # a number, or an array of the points
 
-_ALONG = "along "  # what the names of the direction's components begin with
-_ACROSS = "along F33"
+_ALONG = "along "  # before the names of the direction's components
+_ACROSS = f"{_ALONG}F33"
 
 
 @dataclass(frozen=True)
@@ -50,16 +51,14 @@ class StressRates:
     Attributes:
         name: of the energy.
         parameters: names of its parameters, in order.
-        record: what the rate takes; None if the energy has no stress.
-        moved: (n_nodes,) which nodes of the record depend on F, G or a parameter.
+        rate: what the rate computes; None where the energy does not depend on F.
         uses_second_gradient: whether the stress depends on G.
     """
 
     name: str
     parameters: tuple[str, ...]
-    record: Record | None
-    moved: tuple[bool, ...]
-    uses_second_gradient: bool
+    rate: Record | None
+    uses_second_gradient: bool = False
 
     def at(
         self, F: Float, G: Float | None, parameters: Mapping[str, Value], A: Float, across: Float | None = None
@@ -81,20 +80,20 @@ class StressRates:
         leading = F.shape[:-2]
         by_F, by_parameter = np.zeros(F.shape), np.zeros((*leading, len(self.parameters)))
         by_G = np.zeros((*leading, 2, 2, 2)) if self.uses_second_gradient else None
-        for some in in_parts(leading) if self.record is not None else ():
-            assert self.record is not None
-            read: dict[str, Value] = components(DEFORMATION_GRADIENT, F[some]) | components(
-                DEFORMATION_GRADIENT, A[some], _ALONG
-            )
-            if by_G is not None and G is not None:
+        if self.rate is None:
+            return Rates(by_F, by_G, by_parameter)
+        moved = self.rate.depending(_is_no_direction)
+        for some in in_parts(leading):
+            read = components(DEFORMATION_GRADIENT, F[some]) | components(DEFORMATION_GRADIENT, A[some], _ALONG)
+            read[_ACROSS] = np.zeros(()) if across is None else across[some]
+            if self.uses_second_gradient and G is not None:
                 read |= components(SECOND_GRADIENT, G[some])
-            read[_ACROSS] = 0.0 if across is None else across[some]
             with np.errstate(all="ignore"):  # what is no number shows in the values
-                slopes = self.record.backwards(self.record.forwards(read, part_of(parameters, some)), self.moved)
-            for tensor, entry in ((by_F, DEFORMATION_GRADIENT), (by_G, SECOND_GRADIENT)):
-                for index, name in zip(entry.indices, entry.names, strict=True) if tensor is not None else ():
-                    assert tensor is not None
-                    tensor[some][(..., *index)] = slopes.get(name, 0.0)
+                slopes = self.rate.backwards(self.rate.forwards(read, part_of(parameters, some)), moved)
+            for entry, found in zip(LAYOUT.inputs, (by_F, by_G), strict=True):
+                if found is not None:
+                    for index, name in zip(entry.indices, entry.names, strict=True):
+                        found[some][(..., *index)] = slopes.get(name, 0.0)
             for n, name in enumerate(self.parameters):
                 by_parameter[some][..., n] = slopes.get(name, 0.0)
         return Rates(by_F, by_G, by_parameter)
@@ -110,33 +109,26 @@ def stress_rates_of(integrand: Integrand) -> StressRates:
         raise CodegenError(f"energy '{integrand.name}' reads no deformation gradient, so it has no stress")
     trace(integrand)  # says what is wrong with it
     tape = Tape(integrand)
-    inputs: list[Any] = []
-    for of in integrand.inputs:
-
-        def part(head: tuple[int, ...], before: str, shape: tuple[int, ...]) -> Any:
-            if len(head) == len(shape):
-                return tape.add("variable", value=before + "".join(str(i + 1) for i in head))
-            return [part((*head, i), before, shape) for i in range(shape[len(head)])]
-
-        is_first = of == DEFORMATION_GRADIENT
-        inputs.append(
-            rated(
-                of, part((), of.name, of.shape), part((), _ALONG + of.name, of.shape) if is_first else None,
-                tape.add("variable", value=_ACROSS) if is_first else None,
-            )
-        )  # fmt: skip
     p, m = namespaces(tape, integrand)
-    psi = integrand.function(*inputs, RatedParameters(p), RatedMath(m))
-    rate = psi.rate if isinstance(psi, Rated) else 0
-    if not isinstance(rate, TracedScalar):
-        return StressRates(integrand.name, integrand.parameter_names, None, (), uses_second_gradient=False)
-    record = record_of(tape, rate)
-    return StressRates(
-        integrand.name,
-        integrand.parameter_names,
-        record,
-        record.depending(
-            lambda node: node.op == "parameter" or (node.op == "variable" and not str(node.value).startswith(_ALONG))
-        ),
-        uses_second_gradient=any(name.startswith("G") for name in record.variables),
-    )
+    across = tape.add("variable", value=_ACROSS)
+    along = _nested(tape, DEFORMATION_GRADIENT.shape)
+    values = [
+        rated(of, traced(tape, of), *((along, across) if of == DEFORMATION_GRADIENT else ())) for of in integrand.inputs
+    ]
+    psi = integrand.function(*values, RatedParameters(p), RatedMath(m))
+    if not (isinstance(psi, Rated) and isinstance(psi.rate, TracedScalar)):
+        return StressRates(integrand.name, integrand.parameter_names, None)
+    rate = record_of(tape, psi.rate)
+    uses_second_gradient = any(name.startswith("G") for name in rate.variables)
+    return StressRates(integrand.name, integrand.parameter_names, rate, uses_second_gradient)
+
+
+def _nested(tape: Tape, shape: tuple[int, ...], name: str = f"{_ALONG}F") -> Any:
+    """Components of the direction as variables of a tape."""
+    if not shape:
+        return tape.add("variable", value=name)
+    return [_nested(tape, shape[1:], f"{name}{i + 1}") for i in range(shape[0])]
+
+
+def _is_no_direction(node: Node) -> bool:
+    return node.op == "parameter" or (node.op == "variable" and not str(node.value).startswith(_ALONG))

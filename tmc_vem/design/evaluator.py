@@ -1,4 +1,4 @@
-"""What a design is worth: all load cases solved, objective, volume and limits with their derivatives by the variables."""
+"""What a design is worth: load cases solved, objective, volume and limits with derivatives by the variables."""
 
 from __future__ import annotations
 
@@ -191,23 +191,20 @@ class Evaluator:
 
 
 def _looked_at(case: LoadCase, stiffness_c: Float, warm: Solved) -> tuple[Solved | None, str]:
-    """What loading from the beginning gives, and a note if that is another state; the former one if it gives nothing."""
+    """What loading from the beginning gives, with a note if that is another state; the former if it gives nothing."""
     kept = case.u
     cold = case.solve(stiffness_c, from_start=True)
     if cold is None:
         case.u = kept
-        return (
-            warm,
-            f"{case.name}: the load cannot be applied from the beginning; the state is that of the design before",
-        )
+        return warm, f"{case.name}: the load cannot be applied from the beginning, only from the design before"
     same = all(abs(cold.values[name] - value) <= SAME * abs(value) for name, value in warm.values.items())
     iterations = warm.iterations + cold.iterations
     if same:
         return replace(cold, iterations=iterations), ""
     names = next(name for name, value in warm.values.items() if abs(cold.values[name] - value) > SAME * abs(value))
     note = (
-        f"{case.name}: loading from the beginning gives {names} = {cold.values[names]:.6g}, the state followed from design "
-        f"to design {warm.values[names]:.6g}: another branch, which is left"
+        f"{case.name}: loading from the beginning gives {names} = {cold.values[names]:.6g}, the state followed from "
+        f"design to design {warm.values[names]:.6g}: another branch, which is left"
     )
     return replace(cold, iterations=iterations), note
 

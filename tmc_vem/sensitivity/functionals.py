@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from functools import cache, cached_property
 from typing import Any
 
-from tmc_vem.problems.base import Problem, media_of, with_friction
+from tmc_vem.problems.base import Problem, forces_of, media_of, with_friction
 from tmc_vem.problems.columns import named_loads, pair_of
 from tmc_vem.problems.contact_probe import Contact
 from tmc_vem.problems.contact_quantities import OF_BODY
@@ -91,7 +91,8 @@ class Functionals:
     def names(self) -> list[str]:
         """Names of all results, those without a derivative included."""
         bodies = self._gauge().names() if media_of(self._problem) else ()
-        return [*self._probes, *self._others, *(CONTACT + of + OF + name for of in bodies for name in OF_BODY)]
+        others = [name for name in self._others if name != COMPLIANCE or forces_of(self._problem)]
+        return [*self._probes, *others, *(CONTACT + of + OF + name for of in bodies for name in OF_BODY)]
 
     # -- parts -----------------------------------------------------------------------------------------------------
 
@@ -133,7 +134,7 @@ class Functionals:
             for usual, quantity in zip(("displacement", "reaction"), pair_of(load), strict=True):
                 found[prefix + (quantity if prefix else usual)] = self._maker(load, quantity)
         found[COMPLIANCE] = lambda: ComplianceFunctional(problem, self._forces, self._nodes)
-        found[ENERGY] = lambda: EnergyFunctional("stored energy", regions, problem, self._nodes)
+        found[ENERGY] = lambda: EnergyFunctional("stored energy", regions, self._nodes)
         for region in regions:
             found[ENERGY + OF + region] = lambda region=region: self._of_probe(EnergyOf(region))  # type: ignore[misc]
         return found
@@ -163,7 +164,7 @@ class Functionals:
             Gap: lambda probe: GapFunctional(probe, self._nodes),
             Reaction: lambda probe: reaction_probe(probe, self._nodes),
             MeanJ: lambda probe: mean_j(probe, problem, self._nodes),
-            EnergyOf: lambda probe: EnergyFunctional(str(probe), (probe.region,), problem, self._nodes),
+            EnergyOf: lambda probe: EnergyFunctional(str(probe), (probe.region,), self._nodes),
             CutForce: lambda probe: CutFunctional(probe, problem, self._nodes),
             Contact: lambda probe: self._contact(probe.of, probe.quantity),
             ValueAt: _refused_value,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem
-from tmc_vem.problems.contact_quantities import OF_BODY
+from tmc_vem.problems.contact_quantities import OF_BODY, OF_FRICTION, OF_PAIR
 from tmc_vem.problems.field_probes import CutForce
 from tmc_vem.sensitivity.functionals_loads import Forces
 from tmc_vem.sensitivity.functionals_nodes import Nodes, Point
@@ -22,6 +22,7 @@ from tmc_vem.sensitivity.functionals_record import CellParts, Derivative, Functi
 from tmc_vem.simulation.contact_gauge import ContactGauge
 from tmc_vem.simulation.cut_gauge import Cut, direction_of
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.validation import require_choice
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -89,6 +90,7 @@ class ContactFunctional:
         self, of: str, quantity: str, gauge: Callable[[], ContactGauge], forces: Forces, nodes: Nodes
     ) -> None:  # fmt: skip
         self.words = f"{quantity} of contact, {of}"
+        require_choice("quantity of contact", quantity, {**OF_PAIR, **OF_FRICTION})
         if quantity not in OF_BODY:
             raise InputError(f"{self.words} has no derivative: {_why_not(quantity)}")
         self._of, self._quantity, self._forces, self._nodes = of, quantity, forces, nodes
