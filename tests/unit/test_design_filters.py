@@ -1,4 +1,4 @@
-"""Filters of densities: means, adjoints, bounds, the volume, and the order of the Helmholtz filter on all kinds of cells."""
+"""Filters of densities: means, adjoints, bounds, the volume, and the order of the Helmholtz filter on all cells."""
 
 from __future__ import annotations
 

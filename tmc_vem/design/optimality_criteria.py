@@ -24,7 +24,10 @@ SMALLEST = (
     1e-3  # of its range: what a variable on its lower bound is multiplied as, which it would never leave otherwise
 )
 VANISHED = 1e-12  # of its range: a variable that is on its lower bound but for that
+ROUNDING = 1e-9  # of the largest derivative: a sign below that says nothing
 HALVINGS = 6  # of a step to a design that cannot be evaluated
+SHORTER, LONGER = 0.7, 1.1  # of the move limit after a design that is worse, or better
+SMALLEST_EXPONENT = 0.1
 STUCK = "no design near the last one could be evaluated"
 
 
@@ -42,14 +45,17 @@ def optimality_criteria(
 ) -> str:
     """Iterate until designs hardly change.
 
+    After a design that is worse than the one before, though that was feasible, exponent and move limit shrink: with a
+    stiffness of a high power of the variables, the update goes to and fro otherwise.
+
     Args:
         history: evaluates.
         z0: (n_variables,) where to begin.
         lower_z, upper_z: (n_variables,) bounds.
         evaluations: how many there may be.
         tolerance: an iteration that changes no variable by more ends it, in fractions of their ranges.
-        move: largest change of a variable in an iteration, in fractions of its range.
-        damping: exponent eta.
+        move: largest change at first of a variable in an iteration, in fractions of its range.
+        damping: exponent eta at first.
         constraint: its value at a design; without it, that of its tangent at the last design.
 
     Returns:
@@ -58,10 +64,10 @@ def optimality_criteria(
     Raises:
         InputError: the constraint falls with a variable.
     """
-    z, said = z0, False
+    z, said, limit, exponent = z0, False, move, damping
     evaluation = history.at(z)
     while history.evaluations < evaluations:
-        target = update(z, evaluation, lower_z, upper_z, move, damping, constraint)
+        target = update(z, evaluation, lower_z, upper_z, limit, exponent, constraint)
         said = said or _note_wrong_signs(evaluation)
         following = history.at(target)
         for _ in range(HALVINGS):
@@ -72,6 +78,10 @@ def optimality_criteria(
         if not np.isfinite(following.objective):
             return USED_UP if history.evaluations >= evaluations else STUCK
         change = history.change(target, z)
+        if following.objective > evaluation.objective and history.feasible(evaluation):
+            limit, exponent = SHORTER * limit, max(SHORTER * exponent, SMALLEST_EXPONENT)
+        else:
+            limit = min(LONGER * limit, move)
         z, evaluation = target, following
         if change <= tolerance:
             return CONVERGED
@@ -94,7 +104,7 @@ def update(
     """
     width = upper_z - lower_z
     growth = evaluation.jacobian[0]
-    falling = np.flatnonzero(growth < 0.0)
+    falling = np.flatnonzero(growth < -ROUNDING * np.abs(growth).max())
     if len(falling):
         n = falling[0]
         raise InputError(
@@ -132,7 +142,7 @@ def update(
 
 
 def _note_wrong_signs(evaluation: Evaluation) -> bool:
-    wrong = evaluation.gradient > 0.0
+    wrong = evaluation.gradient > ROUNDING * np.abs(evaluation.gradient).max()
     if not wrong.any():
         return False
     notes.say(
