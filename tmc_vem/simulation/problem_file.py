@@ -73,6 +73,8 @@ def problem_text(problem: OwnProblem, options: RunOptions) -> str:
         for place, key in ((region, "density"), (region.get("medium", {}), "regulariser")):
             if key in place:
                 place[key] = from_root(place[key], directory)
+        if isinstance(region.get("stiffness"), str):
+            region["stiffness"] = str((directory / region["stiffness"]).resolve())
     solve = as_table(dataclasses.replace(options, overwrite=False, max_iterations=None, max_seconds=None))
     if "solver" in solve and Path(solve["solver"]).is_file():
         solve["solver"] = str(Path(solve["solver"]).resolve())
