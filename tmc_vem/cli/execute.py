@@ -23,7 +23,7 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
         InputError, CodegenError: bad input.
         ConvergenceError: the full load was not reached; what converged is in the run directory.
     """
-    _start_petsc(options["petsc"], clean_stdout=options["as_json"])
+    start_petsc(options["petsc"], clean_stdout=options["as_json"])
     from mpi4py import MPI
 
     from tmc_vem.cli.progress import ConsoleMonitor, print_summary
@@ -43,7 +43,7 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
         settings,
         monitor=monitor,
         resume=context.meta.get(RESUME, False),
-        command=_asked(context),
+        command=asked(context),
     )
     if on_root:
         if options["as_json"]:
@@ -56,7 +56,7 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
         raise ConvergenceError(f"{stopped(result)}{kept}{'; ' if how else ''}{how}")
 
 
-def _asked(context: click.Context) -> dict[str, Any]:
+def asked(context: click.Context) -> dict[str, Any]:
     """Problem and options as plain values, for a later ``tmc-vem resume``."""
     plain = {name: str(value) if isinstance(value, Path) else value for name, value in context.params.items()}
     return {"problem": context.command.name, "options": plain}
@@ -81,7 +81,7 @@ def _petsc_words(options: str) -> list[str]:
     return words
 
 
-def _start_petsc(options: str, clean_stdout: bool) -> None:
+def start_petsc(options: str, clean_stdout: bool) -> None:
     """Start PETSc; its list of unused options, which newer versions print at the end, may be suppressed.
 
     Raises:

@@ -22,6 +22,7 @@ from tmc_vem.sensitivity.gradient import Gradients
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.plan import control_path
 from tmc_vem.simulation.simulation import prepare, stepping_of
+from tmc_vem.solve.newton import OnIteration
 from tmc_vem.solve.stepping import LoadStepper, Step
 from tmc_vem.support.distributed import Comm, Vec
 from tmc_vem.support.errors import EvaluationError, InputError
@@ -68,6 +69,7 @@ class LoadCase:
     Attributes:
         system: the discretisation.
         u: the last state at full load; None before there is one.
+        on_iteration: called after every Newton iteration; what it raises ends the work.
     """
 
     def __init__(self, name: str, problem: Problem, options: RunOptions, wanted: tuple[str, ...], comm: Comm) -> None:
@@ -83,6 +85,16 @@ class LoadCase:
         self._end = self._path.at(self._path.end)
         self._functionals: dict[object, Functional] = {}
         self.u: Vec | None = None
+        self.on_iteration: OnIteration | None = None
+
+    @property
+    def shift(self) -> float:
+        """What Newton's method remembers besides the state: the last shift of an indefinite tangent."""
+        return self._solver.last_shift
+
+    def remember(self, u: Vec | None, shift: float) -> None:
+        """Go on from the last state of a search that was stopped."""
+        self.u, self._solver.last_shift = u, shift
 
     def solve(self, stiffness_c: Float, *, from_start: bool = False) -> Solved | None:
         """Equilibrium at full load with stiffnesses (n_cells of the whole mesh,), from 0 to 1; those of cells that are
@@ -126,7 +138,7 @@ class LoadCase:
         trial = self.u.copy()
         self._solver.set_prescribed(trial, self._end)
         try:
-            result = self._solver.solve(trial)
+            result = self._solver.solve(trial, on_iteration=self.on_iteration)
         except EvaluationError:
             return None
         if not result.converged or result.negative_pivots:
@@ -146,7 +158,8 @@ class LoadCase:
             jumps.append(step.jumped)
 
         self._solver.last_shift = 0.0
-        stepper = LoadStepper(self._solver, self._stepping, on_step, control_path(self._problem, self._options))
+        path = control_path(self._problem, self._options)
+        stepper = LoadStepper(self._solver, self._stepping, on_step, path, on_iteration=self.on_iteration)
         if self._end.parameters:
             self.system.set_parameters(self._path.at(0.0).parameters)
         outcome = stepper.run(u)
