@@ -87,10 +87,8 @@ def rows_of(run: DesignRun) -> list[tuple[str, str]]:
         rows.append(("volume", f"{run.volume:.6g}"))
     rows.append(("search", f"{'converged' if run.converged else 'not converged'}: {run.reason}"))
     rows.append(("stationarity", f"{run.stationarity:.3g} of the gradient is left"))
-    rows.append(
-        ("evaluations", f"{run.evaluations} with {run.newton_iterations} Newton iterations, {run.iterations} better than "
-         "all before")
-    )  # fmt: skip
+    better = f"{run.iterations} better than all before"
+    rows.append(("evaluations", f"{run.evaluations} with {run.newton_iterations} Newton iterations, {better}"))
     rows.append(("time", f"{run.seconds['total']:.1f} s ({run.seconds['evaluations']:.1f} s of evaluations)"))
     if run.directory is not None:
         rows.append(("written to", str(run.directory)))

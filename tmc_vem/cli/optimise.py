@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from tmc_vem.cli.execute import RESUME, asked, start_petsc
+from tmc_vem.cli.execute import asked, start_petsc
 from tmc_vem.cli.field_options import with_options
 from tmc_vem.cli.shared_options import change_option, display_options, petsc_option
 from tmc_vem.problems.design_table import METHODS
@@ -32,14 +32,16 @@ EVERY = 10
 @click.option("--resume", is_flag=True, help="Go on with the search there; 'tmc-vem resume DIR' does so too.")
 @click.option("--max-seconds", type=float, help="Stop after this wall time; resume goes on. Default: no limit.")
 @click.option(
-    "--every", type=int, default=EVERY, show_default=True,
+    "--every",
+    type=int,
+    default=EVERY,
+    show_default=True,
     help="Evaluations from one design written for ParaView to the next; 0 for none but the best.",
 )
 @click.option("--no-animation", is_flag=True, help="No animated picture of the designs.")
 @click.option("--no-final", is_flag=True, help="Do not run the best design once more, with its curves over the load.")
 @with_options([*display_options(), petsc_option()])
-@click.pass_context
-def optimise(ctx: click.Context, file: str, **options: Any) -> None:
+def optimise(file: str, **options: Any) -> None:
     """Find the design that a problem file asks for.
 
     The table [design] says what is made small or large, within which limits; regions with a solid and a medium are
@@ -55,11 +57,17 @@ def optimise(ctx: click.Context, file: str, **options: Any) -> None:
     The directory holds result.json, report.html, history.csv, stiffness.npz with final.toml, which 'tmc-vem run'
     solves, final (that run), design.vtu and design.pvd for ParaView, pictures, and every evaluation with its gradient.
     """
-    search(ctx, file, parse_changes(options["changes"]), options)
+    search(file, parse_changes(options["changes"]), options)
 
 
-def search(ctx: click.Context, file: str, changes: Mapping[str, Any], options: Mapping[str, Any]) -> None:
+def search(file: str, changes: Mapping[str, Any], options: Mapping[str, Any], *, again: bool = False) -> None:
     """Search as the options ask, and show the result.
+
+    Args:
+        file: the problem file.
+        changes: other values for its entries.
+        options: of the command.
+        again: go on with the search in the directory, which knows already what was asked.
 
     Raises:
         InputError: bad input.
@@ -78,17 +86,19 @@ def search(ctx: click.Context, file: str, changes: Mapping[str, Any], options: M
     changes = {**changes, **{name: value for name, value in given.items() if value is not None}}
     problem, settings = read_problem(file, changes)
     if problem.table.design is None:
-        raise InputError(f"{file} has no table [design]: add one, such as [design] minimise = \"compliance\", volume = 0.4")
+        raise InputError(
+            f'{file} has no table [design]: add one, such as [design] minimise = "compliance", volume = 0.4'
+        )
     if options["max_seconds"] is not None:
         settings = dataclasses.replace(settings, max_seconds=options["max_seconds"])
     on_root = MPI.COMM_WORLD.rank == 0
     silent = options["quiet"] or options["as_json"] or not on_root
     monitor: DesignMonitor = DesignMonitor() if silent else ConsoleDesignMonitor()
-    resume = bool(options["resume"] or ctx.meta.get(RESUME, False))
+    resume = again or bool(options["resume"])
     found = run(
         problem, options["out"] or Path("runs") / f"optimise-{Path(file).stem}",
         dataclasses.replace(settings, overwrite=options["overwrite"]), monitor=monitor, resume=resume,
-        command={**asked(ctx), "problem": file, "command": "optimise"}, every=options["every"],
+        command=None if again else {**asked(click.get_current_context()), "problem": file}, every=options["every"],
         animation=not options["no_animation"], final=not options["no_final"],
     )  # fmt: skip
     if on_root:

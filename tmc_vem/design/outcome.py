@@ -118,7 +118,8 @@ class Outcome:
         evaluator = self._search.evaluator
         several = len(evaluator.cases) > 1
         return sum(
-            evaluator.weights[case] * values[f"{case}.{evaluator.table.objective}" if several else evaluator.table.objective]
+            evaluator.weights[case]
+            * values[f"{case}.{evaluator.table.objective}" if several else evaluator.table.objective]
             for case in evaluator.cases
         )
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -111,5 +110,3 @@ def _read(path: Path) -> Record:
         facts["values"], facts["volume"], facts["iterations"], facts["seconds"], tuple(facts["notes"])
     )  # fmt: skip
     return Record(z, Evaluation(float(objective), gradient, constraints, jacobian), worth)
-
-

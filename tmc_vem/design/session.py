@@ -99,7 +99,7 @@ class _Session:
         self, problem: OwnProblem, options: RunOptions, directory: DesignDirectory | None, comm: Comm,
         monitor: DesignMonitor | None, every: int,
     ) -> None:  # fmt: skip
-        self._began = time.monotonic()
+        self._began, self._before = time.monotonic(), 0.0
         self.problem, self.options, self.directory, self.comm = problem, options, directory, comm
         self.monitor = monitor if monitor is not None and comm.rank == 0 else DesignMonitor()
         self.search = Optimisation(problem, options, comm)
@@ -122,11 +122,10 @@ class _Session:
         try:
             self._begin(lock, resume, command)
             result = self._searched()
+            seconds = self._before + time.monotonic() - self._began
             outcome = Outcome(self.problem, self.options, self.search, result, self.inputs, comm)
             with self._written():
-                run = outcome.write(
-                    directory, self._snapshots, time.monotonic() - self._began, animation=animation, final=final
-                )
+                run = outcome.write(directory, self._snapshots, seconds, animation=animation, final=final)
         except Interrupted as stop:
             how = how_to_go_on(directory.path) if directory is not None else ""
             self._end_early(stop)
@@ -156,6 +155,7 @@ class _Session:
                     f"{directory.path} has {len(records)} good evaluations, but the last states are those of number "
                     f"{n}: start anew with --overwrite"
                 )
+            self._before = sum(record.worth.seconds for record in records)
             restore(checkpoint, evaluator.cases)
             search.go_on(records)
         elif directory is not None:

@@ -41,9 +41,7 @@ def write_states(
     facts = {
         "inputs": inputs,
         "evaluation": evaluation,
-        "cases": [
-            {"name": name, "shift": case.shift, "has_state": case.u is not None} for name, case in cases.items()
-        ],
+        "cases": [{"name": name, "shift": case.shift, "has_state": case.u is not None} for name, case in cases.items()],
     }
     mine = Checkpoint(facts if comm.rank == 0 else {}, labels_nz, np.array([_nodal(case) for case in cases.values()]))
     part = None if comm.rank == 0 else f"checkpoint-part-{evaluation:06d}-{comm.rank}.npz"

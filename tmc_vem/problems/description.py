@@ -92,7 +92,7 @@ class RegionTable:
         graded: formulas of numbers that vary from cell to cell: of the centroid x, y, of cell data of the mesh file by
             name, and of the number itself, ``{E = "E * (1 + x / 2)"}``.
         stiffness: of a design region, the fraction of the solid in all cells: 0 is the medium alone, 1 the solid; by
-            default 1. ``tmc-vem optimise`` chooses it cell by cell, and writes it into a file, ``"stiffness.npz"``, that
+            default 1. ``tmc-vem optimise`` chooses it cell by cell and writes a file, ``"stiffness.npz"``, whose name
             may stand here too, relative to the problem file.
     """
 

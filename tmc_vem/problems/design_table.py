@@ -142,7 +142,7 @@ class CaseTable:
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name):
             raise InputError(
-                f"cases: {shown(self.name)}: use letters, digits, _ and - for a name, a letter first: files are called so"
+                f"cases: {shown(self.name)}: use letters, digits, _ and - for a name, a letter first: files have it too"
             )
         require_positive("weight", self.weight, "of a load case")
 

@@ -88,7 +88,9 @@ class StiffnessOfFile:
             with np.load(self.path, allow_pickle=False) as file:
                 found = np.array(file["centroid_cx"], dtype=np.float64), np.array(file["stiffness_c"], dtype=np.float64)
         except OSError as error:
-            raise InputError(f"stiffness: {self.path} cannot be read: {error.strerror or 'it is no .npz file'}") from None
+            raise InputError(
+                f"stiffness: {self.path} cannot be read: {error.strerror or 'it is no .npz file'}"
+            ) from None
         except (KeyError, ValueError, EOFError, TypeError, zipfile.BadZipFile) as error:
             raise InputError(
                 f"stiffness: {self.path} is no design ({error}): it needs the arrays centroid_cx and stiffness_c"

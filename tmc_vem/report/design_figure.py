@@ -145,7 +145,9 @@ def _draw(axes: Any, polygons: Polygons, density_c: Float, points: Float) -> Any
     designed, solid = np.isfinite(density_c), polygons.is_solid_c
     for chosen, colour in ((~designed & ~solid, MEDIUM), (~designed & solid, SOLID)):
         cells = [loops[c] for c in np.flatnonzero(chosen)]
-        axes.add_collection(PolyCollection(cells, facecolors=colour, edgecolors=colour, linewidths=0.2, rasterized=True))
+        axes.add_collection(
+            PolyCollection(cells, facecolors=colour, edgecolors=colour, linewidths=0.2, rasterized=True)
+        )
     cells = [loops[c] for c in np.flatnonzero(designed)]
     axes.add_collection(
         PolyCollection(
@@ -167,4 +169,3 @@ def _frame(axes: Any, low: Float, high: Float) -> None:
 def _size(low: Float, high: Float) -> tuple[float, float]:
     aspect = float((high[1] - low[1]) / (high[0] - low[0]))
     return WIDTH, float(np.clip(0.85 * WIDTH * aspect, LEAST, MOST)) + 0.6
-

@@ -77,7 +77,10 @@ def design_page(run: DesignRun, rows: Sequence[Mapping[str, str]], drawn: Mappin
                 "before, dotted lines are where the projection became steeper."}  # fmt: skip
     pictures = {
         name: picture(
-            figure, name.removesuffix(".png"), captions.get(name, "The best design at full load, deformed."), inline="png"
+            figure,
+            name.removesuffix(".png"),
+            captions.get(name, "The best design at full load, deformed."),
+            inline="png",
         )
         for name, figure in drawn.items()
     }
@@ -131,7 +134,9 @@ def _search(run: DesignRun) -> Block:
         "Newton iterations": str(run.newton_iterations),
         "time of the evaluations (s)": f"{run.seconds['evaluations']:.1f}",
     }
-    return Table("The search.", ("what", "value"), [[name, Entry(text, style="long")] for name, text in entries.items()])
+    return Table(
+        "The search.", ("what", "value"), [[name, Entry(text, style="long")] for name, text in entries.items()]
+    )
 
 
 def _notes(noted: Sequence[str]) -> Block:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from tmc_vem.results.records import DESIGN, MARKS
 from tmc_vem.results.design_run import DesignRun
+from tmc_vem.results.records import DESIGN, MARKS
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.support.errors import InputError
 

@@ -60,7 +60,7 @@ class DesignRun:
         stationarity: what is left of the gradient, see :class:`tmc_vem.design.evaluation.Optimum`.
         evaluations, iterations, starts: how many there were.
         newton_iterations: of all evaluations.
-        seconds: of all evaluations, and in all, of a search that was resumed without what came before.
+        seconds: of all evaluations, and in all.
         method: of the search.
         beta: of the last projection; None without one.
         n_cells, n_dofs, n_variables: sizes.

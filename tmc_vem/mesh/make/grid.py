@@ -24,7 +24,11 @@ ON = 1e-6  # of the size of the cells: outlines are on the lines of the grid up 
 
 @meshed_near_origin
 def grid_mesh(
-    regions: Sequence[Region], size: float, points: Mapping[str, Point] | None = None, *, most_cells: float | None = None
+    regions: Sequence[Region],
+    size: float,
+    points: Mapping[str, Point] | None = None,
+    *,
+    most_cells: float | None = None,
 ) -> PolygonMesh:
     """Squares of one size, whose lines begin at the smallest x and y of all outlines.
 
@@ -59,7 +63,9 @@ def grid_mesh(
     try:
         return with_names(mesh, points)
     except InputError as error:
-        raise InputError(f"{error}: points are corners of the grid of size {size:g} that begins at {_at(low)}") from None
+        raise InputError(
+            f"{error}: points are corners of the grid of size {size:g} that begins at {_at(low)}"
+        ) from None
 
 
 def _check(region: Region, low: Float, size: float) -> None:
