@@ -89,8 +89,8 @@ def test_examples_of_problem_files_are_read(tmp_path: Path) -> None:
     assert build(RunOptions, solve, "solve").snapshots == 20
     kinds = [type(build(ProbeTable, probe, name).probe()).__name__ for name, probe in probes.items()]
     assert kinds == [
-        "Displacement", "Position", "Gap", "Reaction", "MeanJ", "ValueAt", "Over", "Over", "Over", "EnergyOf",
-        "CutForce", "Contact", "Contact",
+        "Displacement", "Position", "Gap", "Reaction", "MeanJ", "ValueAt", "Over", "PNorm", "Over", "Over",
+        "EnergyOf", "CutForce", "Contact", "Contact",
     ]  # fmt: skip
 
 

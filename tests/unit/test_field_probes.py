@@ -15,7 +15,7 @@ from codegen.integrand import second_gradient_energy
 from codegen.stress import stress_of
 from tmc_vem import Box, RunOptions, RunResult, run
 from tmc_vem.energy import hyperelastic_solid
-from tmc_vem.problems.field_probes import CutForce, EnergyOf, Over, ValueAt
+from tmc_vem.problems.field_probes import CutForce, EnergyOf, Over, PNorm, ValueAt
 from tmc_vem.problems.probe_table import ProbeTable
 from tmc_vem.problems.wrapped import Probed
 from tmc_vem.simulation.gauge import Gauge
@@ -212,6 +212,12 @@ def test_von_mises_stress_in_simple_shear(model, values, closed) -> None:
         ({"energy": "all", "region": "block"}, "unknown energy 'all': choose one of stored"),
         ({"cut_force": "z", "line": ((0.0, 0.0), (1.0, 0.0))}, "unknown cut_force 'z': choose one of x, y, normal"),
         ({"cut_force": "x"}, "cut_force lacks 'line'"),
+        ({"p_norm": "von_mises"}, "p_norm lacks 'region'"),
+        (
+            {"p_norm": "uy", "region": "a"},
+            "unknown p_norm 'uy': choose one of von_mises, .*; others may be negative",
+        ),
+        ({"p_norm": "J", "region": "a", "exponent": 0.5}, "exponent = 0.5: use 1 to 1000, 6 to 12 in most uses"),
     ],
 )
 def test_tables_that_are_refused(table, words) -> None:
@@ -244,6 +250,7 @@ def test_probes_in_words() -> None:
         Over("uy", "largest", "block"): "largest uy over block",
         Over("J", "mean", "block", line=cut): "mean of J along (0, 0.5) to (1, 0.5) in block",
         EnergyOf("block"): "energy of block",
+        PNorm("von_mises", "block", 6.0): "6-norm of von Mises stress over block",
         CutForce("shear", cut): "shear force through the cut (0, 0.5) to (1, 0.5)",
         CutForce("x", cut): "x component of the force through the cut (0, 0.5) to (1, 0.5)",
     }

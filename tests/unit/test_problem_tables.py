@@ -29,8 +29,8 @@ from tmc_vem.system.constraints import Prescribed
 
 STEEL = Material(K=20.0, mu=10.0)
 ONE_OF = (
-    "give one of displacement, position, gap, reaction, value, smallest, largest, mean, integral, energy, cut_force, "
-    "contact"
+    "give one of displacement, position, gap, reaction, value, smallest, largest, mean, integral, p_norm, energy, "
+    "cut_force, contact"
 )
 
 

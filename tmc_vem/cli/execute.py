@@ -13,6 +13,7 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.support.petsc_start import start
 
 PROGRAM = "tmc-vem"
+ASIDE = "tmc_vem.aside"  # key in a context's meta: what takes problem and options instead of a run
 RESUME = "tmc_vem.resume"  # key in a context's meta: the run goes on from its checkpoint
 
 
@@ -23,6 +24,10 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
         InputError, CodegenError: bad input.
         ConvergenceError: the full load was not reached; what converged is in the run directory.
     """
+    aside = click.get_current_context(silent=True)
+    if aside is not None and ASIDE in aside.meta:
+        aside.meta[ASIDE](problem, settings)
+        return
     start_petsc(options["petsc"], clean_stdout=options["as_json"])
     from mpi4py import MPI
 

@@ -20,8 +20,6 @@ RESULTS = ("load", "gap", "reaction", "doubts")
 IMPORTANT = (
     *RESULTS, "problem", "method", "cells", "gamma", "alpha_r", "regulariser", "uy", "iterations", "time (s)", "dofs",
 )  # fmt: skip
-# width of what does not go to a terminal: no line is broken, so that other programs can read it
-WHOLE = 10_000
 
 
 @click.command("list")
@@ -39,7 +37,7 @@ def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from tmc_vem.cli.columns import plain
+    from tmc_vem.cli.columns import WHOLE, plain
     from tmc_vem.report.overview import find_runs
     from tmc_vem.report.tables import count, differing, number, reached, runs_csv
 

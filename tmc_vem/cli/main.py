@@ -20,6 +20,7 @@ COMMANDS = {
     "resume": ("tmc_vem.cli.resume", "resume", "Go on with a run or a search that was stopped."),
     "compare": ("tmc_vem.cli.compare", "compare_group", "Virtual and finite elements on several meshes, as a report."),
     "sweep": ("tmc_vem.cli.sweep", "sweep", "Runs of a problem with all combinations of some values."),
+    "gradient": ("tmc_vem.cli.gradient", "gradient", "Derivatives of results by numbers of a problem."),
     "reproduce": ("tmc_vem.cli.reproduce", "reproduce", "The paper's tables and figures beside ours."),
     "list": ("tmc_vem.cli.list", "list_runs", "Table of the runs below a directory."),
     "plot": ("tmc_vem.cli.plot", "plot", "Curves and states of a run as figures."),

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from tmc_vem.cli.batch_command import command_line, require_one_process
+from tmc_vem.cli.columns import show_table
 from tmc_vem.cli.field_options import with_options
 from tmc_vem.cli.shared_options import change_option
 from tmc_vem.support.assignments import parse_choices
 from tmc_vem.support.errors import TmcError
-
-if TYPE_CHECKING:
-    from tmc_vem.report.page import Table
 
 
 @click.command("sweep")
@@ -65,24 +62,7 @@ def sweep(
     if as_json:
         click.echo(found.to_json(), nl=False)
     else:
-        _show(found.table())
+        show_table(found.table())
         click.echo(f"report: {directory / 'report.html'}")
     if found.failures:
         raise TmcError(f"{len(found.failures)} of {len(found.rows)} runs gave no result; the table says why")
-
-
-def _show(table: Table) -> None:
-    """Print a table of a page; a pipe gets whole lines."""
-    from rich.console import Console
-    from rich.table import Table as Shown
-
-    from tmc_vem.cli.columns import plain
-    from tmc_vem.cli.list import WHOLE
-
-    shown = Shown(box=None, pad_edge=False)
-    for head in table.head:
-        shown.add_column(plain(head, "bold"))
-    for row in table.cells:
-        shown.add_row(*(plain(cell.text) for cell in row))
-    console = Console()
-    (console if console.is_terminal else Console(width=WHOLE)).print(shown)

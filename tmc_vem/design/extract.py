@@ -95,6 +95,7 @@ class Extracted:
         mesh: its mesh.
         outlines: where it is solid, and how that came.
         volume_mesh: area of the design's solids in the mesh, whose edges are chords of the outlines.
+        notes: a sentence for everything that is not as the densities are.
         directory: what other files in the description are relative to: that of the design problem.
     """
 
@@ -102,6 +103,7 @@ class Extracted:
     mesh: PolygonMesh
     outlines: Outlines
     volume_mesh: float
+    notes: tuple[str, ...]
     directory: Path
 
 
@@ -183,12 +185,14 @@ def extracted_problem(
     names = _names(materials, passive)
     outlines = contour(domain, np.asarray(density_c, dtype=float), names, options)
     corners = [(x, y) for x, y in mesh.points_vx[sorted(domain.corners)].tolist()]
-    fitted = fitted_mesh(regions_of(outlines.faces, corners), domain, outlines.cell, options)
+    fitted, note = fitted_mesh(regions_of(outlines.faces, corners), domain, outlines.cell, options)
     points = {name: vertex for name, vertex in fitted.named_points.items() if name not in unnamed}
     fitted = replace(fitted, named_points=points, validate=False)
     described = _regions(table, materials, names, fitted)
     made = _renamed(table, names, described)
-    return Extracted(made, fitted, outlines, _area(fitted, [solid for solid, _ in names.values()]), problem.directory)
+    volume = _area(fitted, [solid for solid, _ in names.values()])
+    notes = (*outlines.notes, note) if note else outlines.notes
+    return Extracted(made, fitted, outlines, volume, notes, problem.directory)
 
 
 def _names(materials: Mapping[str, DesignMaterials], passive: Mapping[str, RegionTable]) -> dict[str, tuple[str, str]]:

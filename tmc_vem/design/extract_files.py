@@ -68,6 +68,6 @@ def _notes(extracted: Extracted) -> str:
     lines = [
         f"volume of the densities {of.volume_densities:.6g}, within their level {of.level:.4g}: {of.volume_level:.6g}, "
         f"of the outlines {of.volume:.6g}, of the mesh {extracted.volume_mesh:.6g}",
-        *of.notes,
+        *extracted.notes,
     ]
     return "".join(f"# {' '.join(line.split())}\n" for line in lines)

@@ -16,6 +16,7 @@ from tmc_vem.mesh.make.narrow import widths
 from tmc_vem.mesh.make.outline import Region, Size, make_skeleton
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.errors import InputError
+from tmc_vem.support.optional import load
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -23,6 +24,10 @@ Bool = NDArray[np.bool_]
 
 # Cells are no smaller than this fraction of the width below which gaps are closed.
 SMALLEST = 0.2
+# Outlines are close where the way between them makes an angle of at least this cosine with one of them.
+FACING = 0.8
+# By how much more finely narrow places are meshed where no mesh fits into them at first.
+FINER = (1.0, 1.5, 2.5)
 # So many of the nearest narrow places are asked how small cells are.
 ASKED = 8
 # Vertices that are tried for a named point inside a region.
@@ -31,7 +36,9 @@ TRIED = 6
 ALONG = 0.2
 
 
-def fitted_mesh(regions: Sequence[Region], domain: Domain, cell: float, options: ExtractOptions) -> PolygonMesh:
+def fitted_mesh(
+    regions: Sequence[Region], domain: Domain, cell: float, options: ExtractOptions
+) -> tuple[PolygonMesh, str | None]:
     """Mesh of regions, in which points and edges are named as in the design's mesh.
 
     Args:
@@ -40,29 +47,55 @@ def fitted_mesh(regions: Sequence[Region], domain: Domain, cell: float, options:
         cell: size of its cells, a length.
         options: kind and size of the new cells.
 
+    Returns:
+        The mesh, and a sentence if it has another kind of cells, because those that were asked for do not fit.
+
     Raises:
         InputError: no mesh fits into the outlines, or a name has no place in it.
     """
-    from tmc_vem.mesh.make.triangles import triangle_mesh
-    from tmc_vem.mesh.make.voronoi import voronoi_mesh
-
     on, inside = named_places(regions, domain)
-    size = local_size(regions, cell, options)
-    try:
-        if options.cells == "voronoi":
-            mesh = voronoi_mesh(regions, size, on)
-        else:
-            mesh = triangle_mesh(regions, size, on, quadrilaterals=options.cells == "quadrilaterals")
-    except InputError as error:
-        other = "voronoi" if options.cells != "voronoi" else "triangles"
+    mesh, failed = _made(regions, on, cell, options)
+    note = None
+    if mesh is None and options.cells == "voronoi" and _there_is_gmsh():
+        mesh, _ = _made(regions, on, cell, replace(options, cells="triangles"))
+        note = f"triangles instead of Voronoi cells: {failed}"
+    if mesh is None:
         raise InputError(
-            f"the outlines of the design cannot be meshed: {error} (a wider narrowest = {options.narrowest:g}, a "
-            f"smaller size or cells = '{other}' may help)"
-        ) from None
+            f"the outlines of the design cannot be meshed: {failed} (a wider narrowest = {options.narrowest:g}, a "
+            "smaller size or other cells may help)"
+        )
     mesh = replace(mesh, named_edges=named_edges(mesh, domain), validate=False)
     for name, place in inside.items():
         mesh = with_point(mesh, name, place)
-    return mesh
+    return mesh, note
+
+
+def _made(
+    regions: Sequence[Region], points: Mapping[str, Place], cell: float, options: ExtractOptions
+) -> tuple[PolygonMesh | None, InputError | None]:
+    """A mesh, with smaller cells in narrow places if it takes them; without one, why not."""
+    from tmc_vem.mesh.make.triangles import triangle_mesh
+    from tmc_vem.mesh.make.voronoi import voronoi_mesh
+
+    failed = None
+    for finer in FINER:
+        closer = replace(options, across=options.across * finer, growth=options.growth / np.sqrt(finer))
+        size = local_size(regions, cell, closer)
+        try:
+            if options.cells == "voronoi":
+                return voronoi_mesh(regions, size, points), None
+            return triangle_mesh(regions, size, points, quadrilaterals=options.cells == "quadrilaterals"), None
+        except InputError as error:
+            failed = failed or error
+    return None, failed
+
+
+def _there_is_gmsh() -> bool:
+    try:
+        load("gmsh", "triangles need")
+    except InputError:
+        return False
+    return True
 
 
 def named_places(regions: Sequence[Region], domain: Domain) -> tuple[dict[str, Place], dict[str, Place]]:
@@ -82,7 +115,7 @@ def local_size(regions: Sequence[Region], cell: float, options: ExtractOptions) 
     largest = cell if options.size is None else options.size
     smallest = min(largest, SMALLEST * options.narrowest * cell)
     skeleton = make_skeleton(regions, 0.5 * largest)
-    width_n, _ = widths(skeleton)
+    width_n, _ = widths(skeleton, FACING, both=False)
     narrow = np.flatnonzero(width_n < options.across * largest)
     curves = [curve for region in regions for curve in region.curves() if curve.length < 2.0 * largest]
     short = [curve.at(np.linspace(0.0, 1.0, 3)) for curve in curves]
@@ -171,10 +204,3 @@ def _good(mesh: PolygonMesh, points: Float, vertex: int) -> bool:
     )
     polygons: list[Any] = [points[mesh.cell(c)][None] for c in cells.tolist()]
     return all(bool(star_shaped_about(p, centroids(p), tolerance=0.05).all()) for p in polygons)
-
-
-def pieces_of(mesh: PolygonMesh, chosen: Mapping[str, bool]) -> Bool:
-    """(n_cells,) which cells are in regions that are chosen by name."""
-    names = np.array([chosen.get(name, False) for name in mesh.region_names])
-    found: Bool = names[mesh.region_c]
-    return found

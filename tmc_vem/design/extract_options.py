@@ -16,7 +16,7 @@ class ExtractOptions:
     """Outlines of a design and the mesh in them. Widths are in sizes of the design's cells where it changes."""
 
     level: float | None = field(
-        default=0.5,
+        default=None,
         metadata=about(
             "Density from which on a place is solid.", none="that at which the volume is the densities' own"
         ),

@@ -1,9 +1,9 @@
 """Where a design is solid: level lines of densities that are constant in the cells of a polygon mesh.
 
-The densities become a continuous function: at a vertex the mean of the design cells there, weighted with their areas,
-in the middle of a cell its own density, and linear in the triangles between. So a bar that is one cell wide keeps its
-width, a staircase becomes a slope, and lines end on the edges of the mesh. Passive cells do not count: a solid is not
-thinner where it lies against one.
+The densities become a continuous function: the mean of the design cells that meet there, weighted with their areas, at
+vertices and in the middle of sides, in the middle of a cell its own density, and linear in the triangles between. So
+bars and gaps that are one cell wide keep their width, a staircase becomes a slope, and lines end on the edges of the
+mesh. Passive cells do not count: a solid is not thinner where it lies against one.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ Bool = NDArray[np.bool_]
 
 # Values that are closer to the level than this are above it: a line through a vertex goes round it.
 ON_LEVEL = 1e-6
+# Levels that are looked at for the one with the volume of the densities, which it has up to this fraction.
+HALF, BETWEEN, SAME_VOLUME = 0.5, (0.01, 0.99), 0.01
 # Densities may be beyond 0 and 1 by this, from an optimiser's rounding.
 ROUNDED = 1e-6
 
@@ -39,9 +41,9 @@ class DensityField:
     """Densities as a continuous function, linear in triangles.
 
     Attributes:
-        points_px: (n_points, 2) vertices of the mesh, then middles of cells.
+        points_px: (n_points, 2) vertices of the mesh, then middles of cells, then of sides.
         triangles_tp: (n_triangles, 3) counter-clockwise, of the design cells alone.
-        value_p: (n_points,) density; 0 at vertices without a design cell.
+        value_p: (n_points,) density; 0 where there is no design cell.
         edges_ev: (n_edges, 2) vertices of the edges around the design cells.
         volume: sum of density times area of the design cells.
         design: the design cells' union, a shapely geometry.
@@ -139,17 +141,26 @@ class DensityField:
         """Level within whose lines the area is the volume of the densities.
 
         Raises:
-            InputError: there is none, as the densities are almost 0 or 1 everywhere.
+            InputError: there is none to a percent, as large parts have one density between 0 and 1.
         """
         from scipy.optimize import brentq
 
-        low, high = 0.01, 0.99
-        if not self.area_above(high) < self.volume < self.area_above(low):
+        if abs(self.area_above(HALF) - self.volume) <= 1e-9 * self.volume:
+            return HALF
+        low, high = BETWEEN
+        more = self.area_above(low) > self.volume
+        if more and self.area_above(high) < self.volume:
+            level = float(brentq(lambda level: self.area_above(level) - self.volume, low, high, xtol=1e-10))
+        else:
+            level = high if more else low
+        found = self.area_above(level)
+        if abs(found - self.volume) > SAME_VOLUME * self.volume:
             raise InputError(
-                f"no level between {low:g} and {high:g} has the volume of the densities, {self.volume:.6g}: the areas "
-                f"there are {self.area_above(low):.6g} and {self.area_above(high):.6g}; give the level, 0.5 for example"
+                f"no level from {low:g} to {high:g} has the volume of the densities, {self.volume:.6g}: they are grey "
+                f"in large parts, and {found:.6g} is above {level:.4g}; give the level (0.5), or a design that is more "
+                "clearly solid and void"
             )
-        return float(brentq(lambda level: self.area_above(level) - self.volume, low, high, xtol=1e-10))
+        return level
 
     def _apart(self, level: float) -> Float:
         value_p: Float = np.where(np.abs(self.value_p - level) < ON_LEVEL, level + ON_LEVEL, self.value_p)
@@ -179,35 +190,44 @@ def density_field(mesh: PolygonMesh, density_c: Float | Sequence[float], design_
     for c in cells[[density[cells].argmin(), density[cells].argmax()]].tolist():
         require_within(f"density of cell {c}", float(density[c]), -ROUNDED, 1.0 + ROUNDED)
 
-    area_c, middle_cx = np.zeros(mesh.n_cells), np.zeros((mesh.n_cells, 2))
-    mass_v, sum_v = np.zeros((2, mesh.n_vertices))
+    design = np.asarray(design_c, dtype=bool)
+    density = np.where(design, density, 0.0)
+    edges, n_vertices = mesh.edges, mesh.n_vertices
+    hubs, middles = n_vertices, n_vertices + mesh.n_cells  # where the numbers of both begin
+    area_c, hub_cx = np.zeros(mesh.n_cells), np.zeros((mesh.n_cells, 2))
+    mass_p, sum_p = np.zeros((2, middles + len(edges)))
+    corners: list[tuple[Int, Int]] = []
     triangles: list[Int] = []
     for n_sides, group, loops in mesh.cells_by_size():
-        use = np.asarray(design_c)[group]
+        use = design[group]
         group, loops = group[use], loops[use]
         if not len(group):
             continue
         polygons = mesh.points_vx[loops]
-        area_c[group], middle_cx[group] = areas(polygons), centroids(polygons)
-        np.add.at(mass_v, loops, area_c[group][:, None])
-        np.add.at(sum_v, loops, (area_c[group] * density[group])[:, None])
-        star = star_shaped(polygons)
-        hub = np.repeat(mesh.n_vertices + group[star], n_sides)
-        triangles.append(np.column_stack([hub, loops[star].ravel(), np.roll(loops[star], -1, axis=1).ravel()]))
-        triangles += [loop[corners] for loop in loops[~star] for corners in _triangles(mesh.points_vx[loop])]
-    value_p = np.concatenate([sum_v / np.where(mass_v > 0.0, mass_v, 1.0), np.where(design_c, density, 0.0)])
-    left, right = (np.append(design_c, False)[cells_e] for cells_e in mesh.cells_of_edges)
-    inside = np.concatenate(triangles)
+        area_c[group], hub_cx[group] = areas(polygons), centroids(polygons)
+        sides = middles + edges.cell_edges[mesh.cell_offsets[group][:, None] + np.arange(n_sides)]
+        around = np.stack([loops, sides], axis=2).reshape(len(group), -1)
+        corners.append((group, around))
+        np.add.at(mass_p, around, area_c[group][:, None])
+        np.add.at(sum_p, around, (area_c[group] * density[group])[:, None])
+    points = np.concatenate([mesh.points_vx, hub_cx, mesh.points_vx[edges.vertices_ev].mean(axis=1)])
+    value_p = sum_p / np.where(mass_p > 0.0, mass_p, 1.0)
+    value_p[hubs:middles] = density
     mixed = np.zeros(mesh.n_cells, dtype=bool)
-    for _, group, loops in mesh.cells_by_size():
-        above = value_p[np.column_stack([loops, mesh.n_vertices + group])] > 0.5
-        mixed[group] = above.any(axis=1) & ~above.all(axis=1) & np.asarray(design_c)[group]
+    for group, around in corners:
+        star = star_shaped(points[around])
+        hub = np.repeat(hubs + group[star], around.shape[1])
+        triangles.append(np.column_stack([hub, around[star].ravel(), np.roll(around[star], -1, axis=1).ravel()]))
+        triangles += [loop[of] for loop in around[~star] for of in _triangles(points[loop])]
+        above = value_p[np.column_stack([around, hubs + group])] > 0.5
+        mixed[group] = above.any(axis=1) & ~above.all(axis=1)
+    left, right = (np.append(design, False)[cells_e] for cells_e in mesh.cells_of_edges)
     return DensityField(
-        points_px=np.concatenate([mesh.points_vx, middle_cx]),
-        triangles_tp=inside,
+        points_px=points,
+        triangles_tp=np.concatenate(triangles),
         value_p=value_p,
-        edges_ev=mesh.edges.vertices_ev[left != right],
-        volume=float(area_c @ np.where(design_c, density, 0.0)),
+        edges_ev=edges.vertices_ev[left != right],
+        volume=float(area_c @ density),
         design=union_of_cells(mesh, cells),
         area_c=area_c,
         mixed_c=mixed,

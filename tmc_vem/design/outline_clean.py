@@ -158,9 +158,10 @@ class _Work:
         return of.buffer(-r).buffer(MORE * r)
 
     def _narrow(self, of: Any) -> Sequence[Any]:
-        """Pieces that no disc of the width fits in, and that are long."""
-        pieces = polygons_of(of.difference(self._opened(of)))
-        return [piece for piece in pieces.geoms if piece.area > LONG * 0.5 * self.width**2]
+        """Pieces that no disc of the width fits in, and that are long or have something wide at both ends."""
+        wide = self._opened(of)
+        pieces = polygons_of(of.difference(wide)).geoms
+        return [p for p in pieces if p.area > LONG * 0.5 * self.width**2 or self._joints(p, wide) > 1]
 
     def _joints(self, part: Any, others: Any) -> int:
         """At how many separate places a part touches others."""

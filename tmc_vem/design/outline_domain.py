@@ -109,6 +109,13 @@ class Domain:
         return frozenset(found)
 
     @cached_property
+    def turns(self) -> Float:
+        """(n, 2) corners at which the borders around the design regions turn."""
+        ends = {(x, y) for run in self.runs for x, y in run[[0, -1]].tolist()}
+        found: Float = np.array([place for place in sorted(ends) if not self.is_straight_at(place)]).reshape(-1, 2)
+        return found
+
+    @cached_property
     def runs(self) -> list[Float]:
         """Borders around the design regions from corner to corner, as points (n, 2); closed if there is no corner."""
         design = [n for n, name in enumerate(self.mesh.region_names) if name in self.design]

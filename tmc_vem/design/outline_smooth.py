@@ -24,6 +24,11 @@ SPACING, STRAIGHT_ON = 0.5, 0.6
 MARGIN = 0.6
 # Taubin's weights, which leave long waves alone: there and back.
 THERE, BACK = 0.5, -0.53
+# Lines meet borders at an angle of at least this cosine, and turn by at most that of the second one, or they are cut
+# off at this fraction of the pieces there.
+SLANTED, SHARP, CUT = np.cos(np.radians(65.0)), np.cos(np.radians(70.0)), 0.3
+# Points of lines are at least this far from each other, in cells.
+CLOSE = 0.25
 # Volumes are one up to this fraction.
 SAME_VOLUME = 1e-6
 
@@ -96,7 +101,8 @@ class Smoother:
             end = self._ended(offset_line(line, offset), (line[0], line[-1]))
             if end is not None:
                 simple = shapely.LineString(end).simplify(self.options.tolerance * self.cell, preserve_topology=True)
-                found.append(shapely.get_coordinates(simple))
+                clear = self._clear(spaced(shapely.get_coordinates(simple), CLOSE * self.cell))
+                found.append(blunted(spaced(clear, CLOSE * self.cell)))
         return self._through(found)
 
     def _ended(self, line: Float, ends: tuple[Float, Float]) -> Float | None:
@@ -118,10 +124,32 @@ class Smoother:
             return None
         else:
             inner = line[[len(line) // 2]]
-        start, end = self._foot(inner[0], which[0]), self._foot(inner[-1], which[1])
-        whole = np.concatenate([[start], inner, [end]])
+        feet = [self._foot(inner[0], which[0]), self._foot(inner[-1], which[1])]
+        ups = [self._upright(feet[0], inner[0], which[0]), self._upright(feet[1], inner[-1], which[1])]
+        for up in ups:  # what comes near to where the line goes upright would turn back there
+            if up is not None:
+                away = np.hypot(*(inner - up).T) > SPACING * self.cell
+                inner = inner[away] if away.any() else inner[[len(inner) // 2]]
+        before, after = ([] if up is None else [up] for up in ups)
+        whole = np.array([feet[0], *before, *inner, *after, feet[1]])
         kept: Float = whole[np.r_[True, (np.diff(whole, axis=0) != 0.0).any(axis=1)]]
         return kept if len(kept) > 1 else None
+
+    def _upright(self, foot: Float, to: Float, run: int) -> Float | None:
+        """A point straight above a foot, if the line from there would be slanted; None else, or without room."""
+        import shapely
+
+        line, d = self.domain.run_lines[run], STRAIGHT_ON * self.cell
+        along = float(line.project(shapely.Point(foot)))
+        ends = [line.interpolate(np.clip(along + s * 0.05 * d, 0.0, line.length)) for s in (-1.0, 1.0)]
+        tangent = np.subtract(*(shapely.get_coordinates(end)[0] for end in ends))
+        tangent = tangent / np.hypot(*tangent)
+        if abs((to - foot) @ tangent) <= SLANTED * np.hypot(*(to - foot)):
+            return None
+        normal = np.array([-tangent[1], tangent[0]])
+        ups = [foot + s * d * normal for s in (-1.0, 1.0)]
+        inside = [up for up in ups if self.domain.room.covers(shapely.LineString([foot + 0.01 * (up - foot), up]))]
+        return min(inside, key=lambda up: float(np.hypot(*(up - to)))) if inside else None
 
     def _foot(self, point: Float, run: int) -> Float:
         """Where a line from a point meets a run: straight on, not close to a corner, and at a named point nearby."""
@@ -140,6 +168,37 @@ class Smoother:
             if near and at_end and self.domain.is_straight_at(place):
                 return np.array(place)
         return foot
+
+    def _clear(self, line: Float) -> Float:
+        """The line without coming as close to borders as gaps that are closed are wide, except at its ends."""
+        import shapely
+
+        width, room = self.options.narrowest * self.cell, self.domain.room
+        ways = shapely.get_coordinates(shapely.shortest_line(room.boundary, shapely.points(line))).reshape(-1, 2, 2)
+        way = ways[:, 1] - ways[:, 0]
+        length = np.hypot(*way.T)
+        near = (length < width) & (length > self.domain.tolerance)
+        if not is_closed(line):
+            near[[0, -1]] = False
+        inwards = np.where(shapely.contains_xy(room, line), 1.0, -1.0) / np.maximum(length, self.domain.tolerance)
+        moved = np.where(near[:, None], ways[:, 0] + width * inwards[:, None] * way, line)
+        for corner in self.domain.turns:
+            shape = shapely.LineString(moved)
+            away = shape.distance(shapely.Point(corner))
+            if not 10.0 * self.domain.tolerance < away < width:
+                continue
+            along = shape.project(shapely.Point(corner))
+            station = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(moved, axis=0).T))])
+            n = int(np.searchsorted(station, along))
+            if 0 < n < len(moved) and min(along - station[n - 1], station[n] - along) > CLOSE * self.cell:
+                moved = np.insert(moved, n, shapely.get_coordinates(shape.interpolate(along))[0], axis=0)
+            arm = moved - corner
+            reach = np.hypot(*arm.T)
+            near = reach < width
+            if not is_closed(moved):
+                near[[0, -1]] = False
+            moved = np.where(near[:, None], corner + arm * (width / np.maximum(reach, 1e-300))[:, None], moved)
+        return moved
 
     def _through(self, lines: list[Float]) -> list[Float]:
         """Lines that pass through the named points near them that are inside the design regions."""
@@ -213,6 +272,36 @@ def taubin(line: Float, passes: int) -> Float:
                 points = np.concatenate([ring, ring[:1]])
             else:
                 points[1:-1] += weight * (0.5 * (points[:-2] + points[2:]) - points[1:-1])
+    return points
+
+
+def spaced(line: Float, least: float) -> Float:
+    """The line without points that are closer than a distance to the one before; its ends stay."""
+    kept = [line[0]]
+    for point in line[1:-1]:
+        if np.hypot(*(point - kept[-1])) >= least and np.hypot(*(point - line[-1])) >= least:
+            kept.append(point)
+    return np.array([*kept, line[-1]]) if len(kept) > 2 or not is_closed(line) else line
+
+
+def blunted(line: Float) -> Float:
+    """The line with its sharp turns cut off."""
+    points = line
+    for _ in range(5):
+        ring = np.concatenate([points[-2:-1], points]) if is_closed(points) else np.concatenate([points[:1], points])
+        before, after = points - ring[:-1], np.roll(points, -1, axis=0) - points
+        if is_closed(points):
+            after[-1] = points[1] - points[0]
+        cosine = (before * after).sum(axis=1) / np.maximum(np.hypot(*before.T) * np.hypot(*after.T), 1e-300)
+        sharp = cosine < SHARP
+        if not is_closed(points):
+            sharp[[0, -1]] = False
+        if not sharp.any():
+            return points
+        cut: list[Float] = []
+        for n in range(len(points) - is_closed(points)):
+            cut += [points[n] - CUT * before[n], points[n] + CUT * after[n]] if sharp[n] else [points[n]]
+        points = np.array([*cut, cut[0]] if is_closed(points) else cut)
     return points
 
 

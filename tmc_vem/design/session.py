@@ -175,21 +175,21 @@ class _Session:
         self.monitor.started(self.problem, evaluator, system.n_dofs, len(records))
 
     def _searched(self) -> DesignResult:
-        budget = Budget(self.options.max_iterations, self.options.max_seconds, self.comm)
+        budget = Budget(None, self.options.max_seconds, self.comm)
         with stop_requests(self.comm) as stop:
             for case in self.search.evaluator.cases.values():
                 case.on_iteration = self._on_iteration(stop, budget)
-            try:
-                return self.search.go(self._designed)
-            except OutOfBudget as limit:
-                how = how_to_go_on(self.directory.path) if self.directory is not None else ""
-                raise TmcError(f"{limit}{'; ' if how else ''}{how}") from None
+            return self.search.go(self._designed)
 
     def _on_iteration(self, stop: StopRequest, budget: Budget) -> Any:
         def on_iteration(_: Iteration, __: int) -> None:
             self.monitor.iterated()
             stop.check()
-            budget.spend()
+            try:
+                budget.spend()
+            except OutOfBudget as limit:  # that of the search, not of a load case
+                how = how_to_go_on(self.directory.path) if self.directory is not None else ""
+                raise TmcError(f"{limit}{'; ' if how else ''}{how}") from None
 
         return on_iteration
 

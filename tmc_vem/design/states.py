@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -41,7 +42,9 @@ def write_states(
     facts = {
         "inputs": inputs,
         "evaluation": evaluation,
-        "cases": [{"name": name, "shift": case.shift, "has_state": case.u is not None} for name, case in cases.items()],
+        "cases": [
+            {"name": name, "shift": case.shift, "stiffness": _as_text(case.stiffness_c)} for name, case in cases.items()
+        ],
     }
     mine = Checkpoint(facts if comm.rank == 0 else {}, labels_nz, np.array([_nodal(case) for case in cases.values()]))
     part = None if comm.rank == 0 else f"checkpoint-part-{evaluation:06d}-{comm.rank}.npz"
@@ -73,10 +76,19 @@ def restore(checkpoint: Checkpoint, cases: Mapping[str, LoadCase]) -> None:
     for n, (entry, case) in enumerate(zip(checkpoint.facts["cases"], cases.values(), strict=True)):
         states_sni = checkpoint.values_at(case.system.node_labels())
         u: Vec | None = None
-        if entry["has_state"]:
+        if entry["stiffness"] is not None:
             u = case.system.create_vector()
             u.getArray()[:] = states_sni[n].ravel()
-        case.remember(u, entry["shift"])
+        case.remember(u, _as_numbers(entry["stiffness"]), entry["shift"])
+
+
+def _as_text(values: Float | None) -> str | None:
+    """Numbers to the last bit, as text."""
+    return None if values is None else base64.b64encode(np.ascontiguousarray(values, "<f8").tobytes()).decode()
+
+
+def _as_numbers(text: str | None) -> Float | None:
+    return None if text is None else np.frombuffer(base64.b64decode(text), "<f8").astype(np.float64)
 
 
 def _nodal(case: LoadCase) -> Float:

@@ -16,7 +16,7 @@ from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.probes import Known, Place, Probe
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import AREA, ENERGY, FORCE, LENGTH, NONE, STRESS, VOLUME
-from tmc_vem.support.validation import check_fields, require_choice, require_finite
+from tmc_vem.support.validation import check_fields, require_choice, require_finite, require_within
 from tmc_vem.system.cut import cut_points, going_on
 from tmc_vem.system.tensors import SCALARS
 
@@ -28,6 +28,9 @@ DISPLACEMENTS = {"ux": 0, "uy": 1}
 DENSITY = "energy_density"
 SMALLEST, LARGEST, MEAN, INTEGRAL = "smallest", "largest", "mean", "integral"
 OF_CUTS = {"x": FORCE, "y": FORCE, "normal": FORCE, "shear": FORCE, "moment": ENERGY}
+# Fields of a p-norm: they are nowhere negative. Beyond the largest exponent, it is the largest value to rounding.
+OF_P_NORM = ("von_mises", "J", "principal_stretch_1", "principal_stretch_2")
+LARGEST_P = 1000.0
 OVER_AREA = {STRESS: ENERGY, NONE: AREA, LENGTH: VOLUME}
 OVER_LENGTH = {STRESS: FORCE, NONE: LENGTH, LENGTH: AREA}
 
@@ -182,6 +185,44 @@ class Over(FieldProbe):
             parts.append(f"in {self.region}")
         of = " of" if self.what in (MEAN, INTEGRAL) else ""
         return f"{self.what}{of} {words_of_field(self.field)} {' '.join(parts)}"
+
+
+@dataclass(frozen=True)
+class PNorm(FieldProbe):
+    """``(mean over a region of field^p)^(1/p)`` at the quadrature points: nearly the largest value for a large p, but
+    with a derivative.
+
+    Attributes:
+        region: its name.
+        p: the exponent, 1 or more; 6 to 12 in most uses.
+
+    Raises:
+        InputError: the field may be negative, or p is below 1.
+    """
+
+    region: str = ""
+    p: float = 8.0
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        require_choice("p_norm", self.field, OF_P_NORM, "others may be negative")
+        require_within("exponent", self.p, 1.0, LARGEST_P, "6 to 12 in most uses")
+
+    @property
+    def kind(self) -> str:
+        """Kind of quantity: that of the field."""
+        return kind_of_field(self.field)
+
+    def check(self, known: Known) -> None:
+        """Check that the region is there."""
+        known.require_region(self.region)
+
+    def examine(self, mesh: PolygonMesh, regions: Mapping[str, RegionEnergy]) -> None:
+        """Check that the field is known in the region."""
+        self.require_across([self.region], regions)
+
+    def __str__(self) -> str:
+        return f"{self.p:g}-norm of {words_of_field(self.field)} over {self.region}"
 
 
 @dataclass(frozen=True)

@@ -195,6 +195,15 @@ class OwnProblem:
         table = replace(self.table, mesh=replace(mesh, size=size, refine=refine, cells=cells))
         return replace(self, table=table, changes={k: v for k, v in self.changes.items() if k != "mesh.size"})
 
+    def with_table(self, table: ProblemTable) -> OwnProblem:
+        """The problem of another description; where its shapes are the same, they are not combined again."""
+        if table.shapes != self.table.shapes or not table.shapes:
+            return replace(self, table=table)
+        made = object.__new__(type(self))
+        vars(made).update({**self.__getstate__(), "table": table, "_outlines": self._outlines})
+        made.__post_init__()
+        return made
+
     # -- parts -----------------------------------------------------------------------------------------------------
 
     @cached_property

@@ -15,6 +15,7 @@ from tmc_vem.problems.field_probes import (
     EnergyOf,
     Line,
     Over,
+    PNorm,
     ValueAt,
 )
 from tmc_vem.problems.probes import Displacement, Gap, MeanJ, Place, Position, Probe, Reaction
@@ -24,7 +25,7 @@ from tmc_vem.support.validation import require_choice
 
 @dataclass(frozen=True)
 class ProbeTable:
-    """Something to measure at every load step: one of the first twelve, and where.
+    """Something to measure at every load step: one of the first thirteen, and where.
 
     Attributes:
         displacement: ``ux`` or ``uy`` of a point.
@@ -33,6 +34,7 @@ class ProbeTable:
         reaction: to ``ux`` or ``uy``, where that is prescribed.
         value: field, such as ``von_mises``, at a point.
         smallest, largest, mean, integral: of a field over a region, along edges or a line.
+        p_norm: of a field that is nowhere negative, over a region: nearly its largest value, with a derivative.
         energy: ``"stored"``, that of a region.
         cut_force: ``x``, ``y``, ``normal``, ``shear`` or ``moment``: what solids transfer through a line, on its left.
         contact: a quantity of contact: ``force``, ``force_x``, ``force_y`` or ``moment`` of a body or a pair of bodies,
@@ -42,6 +44,7 @@ class ProbeTable:
         region: name of a region; of values at points and along lines, whose they are where regions meet.
         edges: name of edges.
         line: both ends of a straight line.
+        exponent: of a p-norm, 8 by default.
         of: name of a body, which is that of its region, or of a pair of bodies, as ``block-seal``.
     """
 
@@ -54,6 +57,7 @@ class ProbeTable:
     largest: str | None = None
     mean: str | None = None
     integral: str | None = None
+    p_norm: str | None = None
     energy: str | None = None
     cut_force: str | None = None
     contact: str | None = None
@@ -61,6 +65,7 @@ class ProbeTable:
     region: str | None = None
     edges: str | None = None
     line: Line | None = None
+    exponent: float | None = None
     of: str | None = None
 
     def __post_init__(self) -> None:
@@ -120,6 +125,11 @@ def _over(what: str) -> Callable[[ProbeTable], Probe]:
     return make
 
 
+def _p_norm(table: ProbeTable) -> Probe:
+    exponent = {} if table.exponent is None else {"p": table.exponent}
+    return PNorm(str(table.p_norm), str(table.region), **exponent)
+
+
 def _energy(table: ProbeTable) -> Probe:
     require_choice("energy", str(table.energy), ("stored",))
     return EnergyOf(str(table.region))
@@ -144,6 +154,7 @@ KINDS: Mapping[str, Kind] = {
     "reaction": Kind(_reaction, ("at",)),
     "value": Kind(lambda table: ValueAt(str(table.value), _place(table), table.region), ("at",), ("region",)),
     **{what: Kind(_over(what), (), ("region", "edges", "line")) for what in (SMALLEST, LARGEST, MEAN, INTEGRAL)},
+    "p_norm": Kind(_p_norm, ("region",), ("exponent",)),
     "energy": Kind(_energy, ("region",)),
     "cut_force": Kind(_cut, ("line",), ("region",)),
     "contact": Kind(lambda table: Contact(str(table.contact), str(table.of)), ("of",)),

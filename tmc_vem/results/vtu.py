@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,9 +50,13 @@ class VtuWriter:
     Args:
         polygons: the cells.
         units: of the problem.
+        others: units of further fields, by name, that are no stresses or strains.
     """
 
-    def __init__(self, polygons: Polygons, units: Units | None = None) -> None:
+    def __init__(
+        self, polygons: Polygons, units: Units | None = None, others: Mapping[str, str] | None = None
+    ) -> None:  # fmt: skip
+        self._others = dict(others or {})
         self._of, self._units = (units or Units()).of, (units or Units()).of_fields()
         sizes = np.diff(polygons.offsets)
         self._counts = f'NumberOfPoints="{len(polygons.points_nx)}" NumberOfCells="{polygons.n_cells}"'
@@ -116,11 +121,14 @@ class VtuWriter:
             file.write(b"    </Piece>\n  </UnstructuredGrid>\n</VTKFile>\n")
 
     def _more(self, fields: Mapping[str, NDArray[np.float64]]) -> list[_Array]:
-        """Stresses and strains."""
+        """Stresses and strains, and others."""
         return [
-            _array(name, values, STORED, self._of(kind_of(name)), _named(COMPONENTS.get(name, ())))
+            _array(name, values, STORED, self._unit(name), _named(COMPONENTS.get(name, ())))
             for name, values in fields.items()
         ]
+
+    def _unit(self, name: str) -> str:
+        return self._others[name] if name in self._others else self._of(kind_of(name))
 
     def elements(self, fields: Mapping[str, NDArray[np.float64]]) -> dict[str, str]:
         """What a file that puts pieces together says of such arrays."""
@@ -129,7 +137,7 @@ class VtuWriter:
             several = (
                 f' NumberOfComponents="{values.shape[1]}"{_named(COMPONENTS.get(name, ()))}' if values.ndim > 1 else ""
             )
-            label = units_label(self._of(kind_of(name)))
+            label = units_label(self._unit(name))
             found[name] = f'<PDataArray type="Float64" Name="{name}"{several}>{label}</PDataArray>'
         return found
 
@@ -146,7 +154,7 @@ def _array(name: str, values: NDArray[Any], level: int, unit: str = "", named: s
     blocks = [zlib.compress(plain[start : start + BLOCK], level) for start in range(0, len(plain), BLOCK)]
     head = np.array([len(blocks), BLOCK, len(plain) % BLOCK, *map(len, blocks)], np.uint64)
     text = base64.b64encode(head.tobytes()) + base64.b64encode(b"".join(blocks))
-    return _Array(f'type="{TYPES[values.dtype.str[1:]]}" Name="{name}"{components}', unit, text)
+    return _Array(f'type="{TYPES[values.dtype.str[1:]]}" Name={quoteattr(name)}{components}', unit, text)
 
 
 def _in_space(plane: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,7 +8,8 @@ from tmc_vem.support.lazy import lazily
 
 if TYPE_CHECKING:
     from tmc_vem.sensitivity.at_end import Sensitivities, SensitivityWarning, of_directory, sensitivities
+    from tmc_vem.sensitivity.table import SensitivityTable
 
-__all__ = ["Sensitivities", "SensitivityWarning", "of_directory", "sensitivities"]
+__all__ = ["Sensitivities", "SensitivityTable", "SensitivityWarning", "of_directory", "sensitivities"]
 
-__getattr__ = lazily(__name__, dict.fromkeys(__all__, "at_end"))
+__getattr__ = lazily(__name__, {**dict.fromkeys(__all__, "at_end"), "SensitivityTable": "table"})

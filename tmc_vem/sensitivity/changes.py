@@ -49,6 +49,15 @@ class Change:
     prescribed: Float | None = None
     force_ni: Float | None = None
 
+    def require_cells(self) -> None:
+        """Check that it belongs to cells.
+
+        Raises:
+            InputError: it does not.
+        """
+        if not self.parameters:
+            raise InputError(f"'{self.name}' belongs to no cells: it is that of a load or a support")
+
 
 class Changes:
     """Finds out what numbers of a problem change; all ranks make and use it together.
@@ -69,7 +78,7 @@ class Changes:
         Raises:
             InputError: there is no such number, it makes the mesh, or nothing of the equations depends on it.
         """
-        own = self._parameter(name)
+        own = parameter_by_name(self._problem, name)
         if own is not None:
             region, parameter = own
             value = self._position.parameters.get(
@@ -86,20 +95,6 @@ class Changes:
         return change
 
     # -- parts -----------------------------------------------------------------------------------------------------
-
-    def _parameter(self, name: str) -> tuple[str, str] | None:
-        """Region and parameter of its energy, if a name is one: ``solid.mu``, or ``regions.solid.solid.mu`` where the
-        problem has no such number."""
-        way = keys(name)
-        if len(way) == 2 and way[0] in self._regions and way[1] in self._regions[way[0]].values:
-            return way[0], way[1]
-        if len(way) == 4 and way[0] == "regions" and way[1] in self._regions:
-            try:
-                value_of(self._problem, name)
-            except InputError:
-                if way[3] in self._regions[way[1]].values:
-                    return way[1], way[3]
-        return None
 
     def _check_place(self, name: str) -> None:
         """Check that a number does not make the mesh.
@@ -143,7 +138,12 @@ class Changes:
             return np.concatenate([np.ravel(self._value(changed[region], region, k)) for region, k in places])
 
         sizes = [np.size(self._value(self._regions[region], region, k)) for region, k in places]
-        slopes = np.split(rate(values, value), np.cumsum(sizes)[:-1]) if places else []
+        try:
+            slopes = np.split(rate(values, value), np.cumsum(sizes)[:-1]) if places else []
+        except InputError as error:
+            raise InputError(
+                f"'{name}' cannot change alone ({error}); name a parameter of one energy, REGION.PARAMETER"
+            ) from None
         found: dict[str, dict[str, float | Float]] = {}
         for (region, parameter), slope in zip(places, slopes, strict=True):
             if slope.any():
@@ -229,6 +229,22 @@ class Changes:
         own_ni: Float = total_ni - self._system.external_forces(self._u)  # type: ignore[arg-type]
         self._system.set_position(self._position)
         return own_ni
+
+
+def parameter_by_name(problem: Problem, name: str) -> tuple[str, str] | None:
+    """Region and parameter of its energy alone, if a name is one, ``solid.mu`` or ``regions.solid.solid.mu``, and the
+    problem has no such number."""
+    way, regions = keys(name), problem.regions()
+    region, parameter = (
+        way if len(way) == 2 else (way[1], way[3]) if len(way) == 4 and way[0] == "regions" else ("", "")
+    )
+    if region not in regions or parameter not in regions[region].values:
+        return None
+    try:
+        value_of(problem, name)
+    except InputError:
+        return region, parameter
+    return None
 
 
 def _with_value(known: Condition, new: Condition) -> Condition:

@@ -2,7 +2,8 @@
 
 A result is a probe, by its name or as an object; ``reaction`` or ``displacement`` of the load that is reported first;
 ``NAME.reaction`` and the like of a load with a name; ``compliance``, the work of all forces; ``energy`` or
-``energy.REGION``; ``contact.BODY.force_x`` and the like; or a :class:`PNorm`.
+``energy.REGION``; ``contact.BODY.force_x`` and the like; or ``p_norm.FIELD.REGION``, with another exponent than that of
+the probe at its end.
 """
 
 from __future__ import annotations
@@ -20,10 +21,12 @@ from tmc_vem.problems.field_probes import (
     DISPLACEMENTS,
     LARGEST,
     MEAN,
+    OF_P_NORM,
     SMALLEST,
     CutForce,
     EnergyOf,
     Over,
+    PNorm,
     ValueAt,
 )
 from tmc_vem.problems.load_tables import Load
@@ -31,11 +34,9 @@ from tmc_vem.problems.probes import Displacement, Gap, MeanJ, Position, Probe, R
 from tmc_vem.results.records import CONTACT, OF
 from tmc_vem.sensitivity.functionals_energy import DensityFunctional, EnergyFunctional
 from tmc_vem.sensitivity.functionals_fields import (
-    OF_P_NORM,
     FieldFunctional,
     FieldIntegral,
     MeanDisplacementFunctional,
-    PNorm,
     PNormFunctional,
     mean_j,
 )
@@ -45,13 +46,15 @@ from tmc_vem.sensitivity.functionals_nodes import Nodes
 from tmc_vem.sensitivity.functionals_points import GapFunctional, PointFunctional
 from tmc_vem.sensitivity.functionals_record import Functional
 from tmc_vem.simulation.contact_gauge import ContactGauge
+from tmc_vem.support.assignments import keys
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import require_choice
 from tmc_vem.system.discretisation import Discretisation
 from tmc_vem.system.forces import Spring
 
 ENERGY, COMPLIANCE = "energy", "compliance"
-Result = str | Probe | PNorm | Functional
+P_NORM = "p_norm" + OF  # what the names of p-norms begin with; then come the field, the region, and perhaps p
+Result = str | Probe | Functional
 Make = Callable[[], Functional]
 
 
@@ -77,15 +80,13 @@ class Functionals:
         """What differentiates a result.
 
         Args:
-            result: its name, a probe, a p-norm, or a functional, which is what is given back.
+            result: its name, a probe, or a functional, which is what is given back.
 
         Raises:
             InputError: there is no such result, or it has no derivative; the message says why, and what has one.
         """
         if isinstance(result, str):
             return self._by_name(result)
-        if isinstance(result, PNorm):
-            return PNormFunctional(result, self._problem, self._nodes)
         return self._of_probe(result) if isinstance(result, Probe) else result
 
     def names(self) -> list[str]:
@@ -117,6 +118,8 @@ class Functionals:
                 raise InputError(f"{name}: {error}") from None
         if name in self._others:
             return self._others[name]()
+        if name.startswith(P_NORM):
+            return self.of(p_norm(name))
         of, _, quantity = name.removeprefix(CONTACT).rpartition(OF)
         if name.startswith(CONTACT) and of:
             return self._contact(of, quantity)
@@ -169,20 +172,21 @@ class Functionals:
             Contact: lambda probe: self._contact(probe.of, probe.quantity),
             ValueAt: _refused_value,
             Over: self._over,
+            PNorm: lambda probe: PNormFunctional(probe, problem, self._nodes),
         }
 
     def _over(self, probe: Over) -> Functional:
         if probe.what in (SMALLEST, LARGEST):
-            norm = f"PNorm('{probe.field}', ...)" if probe.field in OF_P_NORM else "the mean of another field"
+            norm = "its p-norm" if probe.field in OF_P_NORM else f"the p-norm of one of {', '.join(OF_P_NORM)}"
             raise InputError(
                 f"{probe} has no derivative where its place changes: take the mean over a region, or {norm}"
             )
+        if probe.field in DISPLACEMENTS:
+            return MeanDisplacementFunctional(probe, self._problem, self._nodes)
         if not probe.is_area:
             raise InputError(f"{probe} is of recovered values, which are not differentiated: {_OVER_A_REGION}")
         if probe.field == DENSITY:
             return DensityFunctional(str(probe), str(probe.region), self._nodes, mean=probe.what == MEAN)
-        if probe.field in DISPLACEMENTS:
-            return MeanDisplacementFunctional(probe, self._nodes)
         integral = FieldIntegral(probe.field, str(probe.region), self._problem, self._nodes)
         return FieldFunctional(str(probe), integral, mean=probe.what == MEAN)
 
@@ -194,11 +198,24 @@ def _refused_value(probe: ValueAt) -> Functional:
     raise InputError(f"{probe} is a recovered value, which is not differentiated: {_OVER_A_REGION}")
 
 
+def p_norm(name: str) -> PNorm:
+    """The p-norm of a name, ``p_norm.von_mises.block`` or ``p_norm.von_mises.block.12``.
+
+    Raises:
+        InputError: it is not of that form, the field may be negative, or p is below 1.
+    """
+    _, *of = keys(name)
+    try:
+        return PNorm(of[0], of[1], *([float(".".join(of[2:]))] if of[2:] else []))
+    except (IndexError, ValueError):
+        raise InputError(f"'{name}' is no p-norm: write {P_NORM}FIELD.REGION or {P_NORM}FIELD.REGION.8") from None
+
+
 def functional_of(result: Result, problem: Problem, system: Discretisation) -> Functional:
     """What differentiates one result; for several, :class:`Functionals` finds once what they share.
 
     Args:
-        result: its name, a probe, a p-norm, or a functional.
+        result: its name, a probe, or a functional.
         problem: whose result.
         system: its discretisation.
 

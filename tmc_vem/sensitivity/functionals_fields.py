@@ -7,7 +7,6 @@ the stress across the plane) held, ``df = df/dF|_P : dF + d(P : A + P33 a)``; th
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -17,48 +16,19 @@ from numpy.typing import NDArray
 from codegen.stress import stress_of
 from codegen.stress_rates import stress_rates_of
 from tmc_vem.problems.base import Problem
-from tmc_vem.problems.field_probes import DISPLACEMENTS, INTEGRAL, FieldProbe, Over, words_of_field
+from tmc_vem.problems.field_probes import DISPLACEMENTS, INTEGRAL, FieldProbe, Over, PNorm
 from tmc_vem.problems.probes import MeanJ
 from tmc_vem.sensitivity.field_slopes import SLOPES
 from tmc_vem.sensitivity.functionals_nodes import Nodes
 from tmc_vem.sensitivity.functionals_record import CellParts, Derivative, Direct, FunctionalState
+from tmc_vem.simulation.field_gauge import FieldReader
 from tmc_vem.support.distributed import Vec
-from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import require_choice
 from tmc_vem.system.point_states import PointStates
-from tmc_vem.system.tensors import CAUCHY, PIOLA, SCALARS, tensors_of, values_of
+from tmc_vem.system.tensors import DEFORMATION, PIOLA, SCALARS, tensors_of, values_of
 
 Float = NDArray[np.float64]
 Shape = Callable[[Float], tuple[Float, Float]]  # h(f) and dh/df of values f
-
-# Fields that are nowhere negative.
-OF_P_NORM = ("von_mises", "J", "principal_stretch_1", "principal_stretch_2")
-
-
-@dataclass(frozen=True)
-class PNorm:
-    """``(mean over a region of field^p)^(1/p)``: nearly the largest value for a large p, with a derivative.
-
-    Attributes:
-        field: one of ``OF_P_NORM``.
-        region: its name.
-        p: the exponent, 1 or more; 6 to 12 in most uses.
-
-    Raises:
-        InputError: the field may be negative, or p is below 1.
-    """
-
-    field: str
-    region: str
-    p: float = 8.0
-
-    def __post_init__(self) -> None:
-        require_choice("field of a p-norm", self.field, OF_P_NORM, "others may be negative, whose powers are no norm")
-        if not (math.isfinite(self.p) and self.p >= 1.0):
-            raise InputError(f"p = {self.p:g} of a p-norm must be 1 or more: try 8")
-
-    def __str__(self) -> str:
-        return f"{self.p:g}-norm of {words_of_field(self.field)} over {self.region}"
 
 
 @dataclass(frozen=True)
@@ -109,7 +79,7 @@ class FieldIntegral:
         """Largest value at any quadrature point, equal on all ranks."""
         system = self._nodes.system
         mine = [
-            float(values_of(self._field, self._tensors(states)[0]).max())
+            float(values_of(self._field, self._tensors(states)[0]).max(initial=0.0))
             for states in system.point_states(u)
             if states.region == self.region
         ]
@@ -148,6 +118,9 @@ class FieldIntegral:
         return Sum(integral, area, by_u, direct)
 
     def _tensors(self, states: PointStates) -> tuple[dict[str, Float], Float, Float | None]:
+        if self._of == DEFORMATION:  # that has no stress in it
+            F = states.F_cqij
+            return {DEFORMATION: F.reshape(*F.shape[:-2], 4)}, F, None
         G = states.G_cqijk if self._stress.uses_second_gradient else None
         P, across = self._stress.at(states.F_cqij, G, states.parameters)
         return tensors_of(states.F_cqij, P, across), P, across
@@ -203,28 +176,43 @@ class PNormFunctional:
 
 
 class MeanDisplacementFunctional:
-    """Mean or integral of a displacement component over a region.
+    """Mean or integral of a displacement component over a region, along edges or along a line.
 
     Args:
         probe: which.
-        nodes: of the discretisation.
+        problem: whose probe.
+        nodes: of its discretisation.
+
+    Raises:
+        InputError: the line goes through no cell.
     """
 
-    def __init__(self, probe: Over, nodes: Nodes) -> None:
-        system = nodes.system
+    def __init__(self, probe: Over, problem: Problem, nodes: Nodes) -> None:
         self.words, self._nodes = str(probe), nodes
-        polygons = system.output_polygons()
-        here_c = np.array(polygons.region_names)[polygons.region_c] == probe.region
-        area = sum(system.comm.allgather(float(system.cell_areas()[here_c].sum())))
-        weight_n = system.area_weights((str(probe.region),))
-        self._force_ni = np.outer(weight_n, np.eye(2)[DISPLACEMENTS[probe.field]])
-        self._factor = 1.0 if probe.what == INTEGRAL else 1.0 / area
+        along = np.eye(2)[DISPLACEMENTS[probe.field]]
+        vector, size = _along(probe, problem, nodes, along) if not probe.is_area else _over(probe, nodes, along)
+        vector.scale(1.0 if probe.what == INTEGRAL else 1.0 / size)
+        self._vector = vector
 
     def derivative(self, state: FunctionalState) -> Derivative:
         """Value and derivatives at a state."""
-        mine = float((self._force_ni * self._nodes.along(state.u)).sum())
-        value = self._factor * sum(self._nodes.system.comm.allgather(mine))
-        return Derivative(value, self._nodes.vector(self._factor * self._force_ni))
+        return Derivative(self._vector.dot(state.u), self._vector.copy())
+
+
+def _over(probe: Over, nodes: Nodes, along: Float) -> tuple[Vec, float]:
+    """What gives the integral over a region of the displacement along a direction, and the region's area."""
+    system, polygons = nodes.system, nodes.system.output_polygons()
+    here_c = np.array(polygons.region_names)[polygons.region_c] == probe.region
+    area = sum(system.comm.allgather(float(system.cell_areas()[here_c].sum())))
+    return nodes.vector(np.outer(system.area_weights((str(probe.region),)), along)), area
+
+
+def _along(probe: Over, problem: Problem, nodes: Nodes, along: Float) -> tuple[Vec, float]:
+    """The same along a line or edges, and their length."""
+    pieces, places = FieldReader({"line": probe}, problem, nodes.system).pieces["line"]
+    assert places is not None
+    weight_n = pieces.every_weight_n
+    return nodes.from_points(places, np.outer(weight_n, along)), float(weight_n.sum())
 
 
 def mean_j(probe: MeanJ, problem: Problem, nodes: Nodes) -> FieldFunctional:
@@ -244,7 +232,7 @@ def _pulled_back(
     shape = F.shape[:-2]
     if of == PIOLA:
         return np.zeros_like(F), by_cqn[..., :4].reshape(*shape, 2, 2), by_cqn[..., 4]
-    if of != CAUCHY:
+    if of == DEFORMATION:
         return by_cqn.reshape(*shape, 2, 2), None, None
     xx, yy, zz, xy = np.moveaxis(by_cqn, -1, 0)
     S = np.stack([np.stack([xx, 0.5 * xy], axis=-1), np.stack([0.5 * xy, yy], axis=-1)], axis=-2)

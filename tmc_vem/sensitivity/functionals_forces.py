@@ -146,7 +146,9 @@ class ContactFunctional:
         nodes.system.cell_tangent_action(state.u, field, gauge.chosen_c, by_u)
         self._forces.add_stiffness(field, state.position, -1.0, by_u)
         held = nodes.only_constrained(nodes.vector(_placed(-weight_ni, gauge.nodes, nodes)))
-        return Derivative(value, by_u, held, CellParts(chosen_c=gauge.chosen_c, field=field))
+        less = field.copy()
+        less.scale(-1.0)
+        return Derivative(value, by_u, held, CellParts(chosen_c=gauge.chosen_c, field=field), by_forces=less)
 
 
 def _placed(values_ni: Float, here: NDArray[np.int64], nodes: Nodes) -> Float:

@@ -192,13 +192,14 @@ class ComplianceFunctional:
 
     def derivative(self, state: FunctionalState) -> Derivative:
         """Value and derivatives at a state."""
-        total, by_u = 0.0, self._nodes.vector()
+        total, per_load, by_u = 0.0, 0.0, self._nodes.vector()
         for acting in self._acting:
             done, gradient = self._forces.gradient(acting, state.u)
             factor = self._forces.factor(acting, state.position)
             total += factor * done
+            per_load += acting.force.amplitude.per_load(state.position) * acting.factor * done
             by_u.axpy(factor, gradient)
-        return Derivative(total, by_u)
+        return Derivative(total, by_u, per_load=per_load)
 
 
 def reaction_probe(probe: Reaction, nodes: Nodes) -> ReactionFunctional:

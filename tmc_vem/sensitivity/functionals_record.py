@@ -88,12 +88,16 @@ class Derivative:
         by_u: dj/du, a vector of the system, along the axes of its degrees of freedom.
         on_residual: w, a vector of the system; None is 0.
         by_cells: what j has of parameters directly; None is nothing.
+        by_forces: dj/df by the forces that act at the nodes, u held, a vector of the system; None is 0.
+        per_load: of j by the load factor, u and these forces held.
     """
 
     value: float
     by_u: Vec
     on_residual: Vec | None = None
     by_cells: CellParts | None = None
+    by_forces: Vec | None = None
+    per_load: float = 0.0
 
 
 class Functional(Protocol):

@@ -55,6 +55,7 @@ class Sensitivity:
         per_load: its total derivative along the path, per load factor.
         field: adjoint field.
         by_prescribed: (n,) derivatives by what is prescribed at this rank's constrained degrees of freedom.
+        by_forces: derivatives by forces at the nodes, a vector of the system.
         of_cells: derivatives by parameters in this rank's cells.
     """
 
@@ -63,6 +64,7 @@ class Sensitivity:
     per_load: float
     field: Vec
     by_prescribed: Float
+    by_forces: Vec
     of_cells: Sequence[OfCells]
 
 
@@ -88,6 +90,7 @@ class Gradients:
         state = equilibrium.state
         self._changes = Changes(problem, self._system, state.u, state.position)
         self._known: dict[object, Sensitivity] = {}
+        self._by: dict[str, Change] = {}
         self._functionals: dict[object, Functional] = {} if functionals is None else functionals
 
     def sensitivity(self, of: str | Functional) -> Sensitivity:
@@ -102,12 +105,14 @@ class Gradients:
         return self._known[of]
 
     def by(self, name: str) -> Change:
-        """What a number of the problem changes.
+        """What a number of the problem changes; the second time it costs nothing.
 
         Raises:
             InputError: there is no such number, or it makes the mesh.
         """
-        return self._changes.by(name)
+        if name not in self._by:
+            self._by[name] = self._changes.by(name)
+        return self._by[name]
 
     def derivative(self, of: str | Functional, change: Change) -> float:
         """Derivative of a result by a number, equal on all ranks."""
@@ -116,7 +121,7 @@ class Gradients:
         if change.prescribed is not None:
             mine += float(sensitivity.by_prescribed @ change.prescribed)
         if change.force_ni is not None:
-            mine -= float((self._along(sensitivity.field) * change.force_ni).sum())
+            mine += float((self._along(sensitivity.by_forces) * change.force_ni).sum())
         total = float(sum(self._comm.allgather(mine)))
         return total + (self._explicit(of, change) if change.force_ni is not None else 0.0)
 
@@ -127,8 +132,7 @@ class Gradients:
         Raises:
             InputError: the number is that of a load or a support, which no cell has.
         """
-        if not change.parameters:
-            raise InputError(f"'{change.name}' belongs to no cells: it is that of a load or a support")
+        change.require_cells()
         mine = self._in_cells(self.sensitivity(of), change)
         numbers = self._system.cell_numbers()
         total_c = np.zeros(self._system.n_cells_global)
@@ -169,14 +173,23 @@ class Gradients:
         if parts.chosen_c is not None and parts.field is not None:
             cells += [_chosen(each, parts.chosen_c) for each in system.parameter_derivatives(state.u, parts.field)]
         cells += [OfCells(each.region, each.cells, each.names, each.values_ck) for each in parts.direct]
-        per_load = derivative.by_u.dot(self.equilibrium.per_load)
+        per_load = derivative.per_load + derivative.by_u.dot(self.equilibrium.per_load)
+        rate_of_residual = system.create_vector()
+        system.add_residual_per_load(state.u, state.position, rate_of_residual)
+        if derivative.by_forces is not None:
+            per_load -= derivative.by_forces.dot(rate_of_residual)
         if derivative.on_residual is not None:
-            rate_of_residual = system.create_vector()
-            system.tangent_action(self.equilibrium.per_load, rate_of_residual)
-            system.add_residual_per_load(state.u, state.position, rate_of_residual)
-            per_load += derivative.on_residual.dot(rate_of_residual)
+            inner = system.create_vector()
+            system.tangent_action(self.equilibrium.per_load, inner)
+            per_load += derivative.on_residual.dot(inner) + derivative.on_residual.dot(rate_of_residual)
         name = of if isinstance(of, str) else of.words
-        return Sensitivity(name, derivative.value, float(per_load), adjoint.field, adjoint.by_prescribed, cells)
+        by_forces = system.create_vector()
+        by_forces.axpy(-1.0, adjoint.field)
+        if derivative.by_forces is not None:
+            by_forces.axpy(1.0, derivative.by_forces)
+        return Sensitivity(
+            name, derivative.value, float(per_load), adjoint.field, adjoint.by_prescribed, by_forces, cells
+        )
 
     def _functional(self, of: str | Functional) -> Functional:
         if of not in self._functionals:

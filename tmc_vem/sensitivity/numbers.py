@@ -58,7 +58,7 @@ def with_value(problem: Problem, name: str, value: float) -> Problem:
         InputError: there is no such number, or the value is out of its range.
     """
     root = _replaced(_root(problem), keys(name), value, "")
-    made: Problem = dataclasses.replace(problem, table=root) if isinstance(problem, OwnProblem) else root
+    made: Problem = problem.with_table(root) if isinstance(problem, OwnProblem) else root
     return made
 
 

@@ -25,6 +25,7 @@ from tmc_vem.problems.field_probes import (
     SMALLEST,
     FieldProbe,
     Over,
+    PNorm,
     ValueAt,
 )
 from tmc_vem.problems.probes import Place
@@ -78,6 +79,10 @@ class FieldReader:
 
     Raises:
         InputError: a place is not there.
+
+    Attributes:
+        pieces: by name of the probe, of those along lines and edges; with what finds displacements there, if these are
+            what is asked for.
     """
 
     def __init__(self, probes: Mapping[str, FieldProbe], problem: Problem, system: Discretisation) -> None:
@@ -93,7 +98,7 @@ class FieldReader:
             self._polygons.points_nx[self._polygons.cell(c)[:: system.order]] for c in range(self._polygons.n_cells)
         ]
         self._points: dict[str, tuple[Int, Float]] = {}
-        self._pieces: dict[str, tuple[Pieces, Places | None]] = {}
+        self.pieces: dict[str, tuple[Pieces, Places | None]] = {}
         for name, probe in self._probes.items():
             try:
                 self._locate(name, probe)
@@ -102,7 +107,8 @@ class FieldReader:
 
     def __call__(self, state: State) -> dict[str, float]:
         """Values by name of the probe."""
-        needed = tuple(dict.fromkeys(SCALARS[p.field].of for p in self._probes.values() if p.field in SCALARS))
+        at_nodes_of = [p.field for p in self._probes.values() if p.field in SCALARS and not isinstance(p, PNorm)]
+        needed = tuple(dict.fromkeys(SCALARS[field].of for field in at_nodes_of))
         recovered = self._patches.recovered(state.u, needed)
         at_nodes = recovered.at_nodes()
         sums = self._sums(state.u)
@@ -117,6 +123,8 @@ class FieldReader:
                 found[name] = integral if probe.what == INTEGRAL else integral / area
             elif isinstance(probe, Over):
                 found[name] = self._extreme(probe, state.u, at_nodes)
+            elif isinstance(probe, PNorm):
+                found[name] = self._norm(probe, state.u)
         return found
 
     # -- places ----------------------------------------------------------------------------------------------------
@@ -133,7 +141,7 @@ class FieldReader:
             raise InputError(f"{probe} goes through no cell{f' of {probe.region}' if probe.region else ''}")
         self._require_known(probe, pieces.cell_n)
         moves = Places(self._system, pieces.every_nx) if probe.field in DISPLACEMENTS else None
-        self._pieces[name] = pieces, moves
+        self.pieces[name] = pieces, moves
 
     def _require_known(self, probe: FieldProbe, cell_n: Int) -> None:
         """Check that the regions of cells, those of all ranks, have the field."""
@@ -232,7 +240,7 @@ class FieldReader:
         return float(next(part[0] for part in self._system.comm.allgather(value) if part))
 
     def _along(self, name: str, probe: Over, u: Vec, recovered: Recovered) -> float:
-        pieces, moves = self._pieces[name]
+        pieces, moves = self.pieces[name]
         if moves is not None:
             values, weights = moves.displacements(u)[:, DISPLACEMENTS[probe.field]], pieces.every_weight_n
         else:
@@ -242,6 +250,18 @@ class FieldReader:
             return float(values.min() if probe.what == SMALLEST else values.max())
         integral = float(weights @ values)
         return integral if probe.what == INTEGRAL else integral / float(weights.sum())
+
+    def _norm(self, probe: PNorm, u: Vec) -> float:
+        """A p-norm; the largest value is taken out, so that no power is too large for a number."""
+        points = [
+            (values_of(probe.field, tensors), states.w_cq)
+            for states, tensors in self._stresses.at_points(u, [probe.region])
+        ]
+        comm = self._system.comm
+        unit = max(comm.allgather(max((float(f.max(initial=0.0)) for f, _ in points), default=0.0))) or 1.0
+        mine = sum(float((w * (f / unit) ** probe.p).sum()) for f, w in points), sum(float(w.sum()) for _, w in points)
+        integral, area = np.sum(comm.allgather(np.array(mine)), axis=0).tolist()
+        return float(unit * (integral / area) ** (1.0 / probe.p))
 
     def _extreme(self, probe: Over, u: Vec, at_nodes: Mapping[str, Float]) -> float:
         """Smallest or largest value at the nodes of a region; of the energy density, of its cells' means."""

@@ -39,9 +39,16 @@ def narrow_place(regions: Sequence[Region], skeleton: Skeleton, size: Size) -> s
     )
 
 
-def widths(skeleton: Skeleton) -> tuple[Float, Float]:
+def widths(skeleton: Skeleton, cosine: float = ACROSS, *, both: bool = True) -> tuple[Float, Float]:
     """Distance (n_nodes,) from every node to the nearest outline that faces its own, infinite without one, and the
-    place (n_nodes, 2) there."""
+    place (n_nodes, 2) there.
+
+    Args:
+        skeleton: nodes along outlines.
+        cosine: of the smallest angle between the way across and an outline.
+        both: whether the way is across the other outline too; if not, corners count, and at a corner of its own the way
+            is across both sides.
+    """
     nodes, segments = skeleton.nodes_nx, skeleton.segments_sn
     start, arm = nodes[segments[:, 0]], nodes[segments[:, 1]] - nodes[segments[:, 0]]
     length = np.hypot(*arm.T)
@@ -57,9 +64,12 @@ def widths(skeleton: Skeleton) -> tuple[Float, Float]:
         t = np.clip(np.einsum("nsx,sx->ns", x[:, None] - start, tangent), 0.0, length)
         way = start + t[..., None] * tangent - x[:, None]
         distance = np.hypot(*np.moveaxis(way, -1, 0))
-        across = np.abs(np.einsum("nsx,sx->ns", way, tangent)) <= ACROSS * distance
-        mine = tangent[own[first : first + step]]
-        across &= (np.abs(np.einsum("nsx,nkx->nsk", way, mine)) <= ACROSS * distance[..., None]).any(axis=-1)
+        mine = (
+            np.abs(np.einsum("nsx,nkx->nsk", way, tangent[own[first : first + step]])) <= cosine * distance[..., None]
+        )
+        across = mine.any(axis=-1) if both else mine.all(axis=-1)
+        if both:
+            across &= np.abs(np.einsum("nsx,sx->ns", way, tangent)) <= cosine * distance
         distance[~across | (distance <= touching)] = np.inf
         nearest = distance.argmin(axis=1)
         rows = np.arange(len(x))
