@@ -24,6 +24,7 @@ from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.plan import control_path
 from tmc_vem.simulation.simulation import prepare, stepping_of
 from tmc_vem.solve.budget import Budget, OutOfBudget
+from tmc_vem.solve.newton import Iteration, OnIteration
 from tmc_vem.solve.stepping import LoadStepper, Step
 from tmc_vem.support.distributed import Comm, Vec
 from tmc_vem.support.errors import EvaluationError, InputError
@@ -77,6 +78,8 @@ class LoadCase:
     Attributes:
         system: the discretisation.
         u: the last state at full load; None before there is one.
+        stiffness_c: (n_cells of the whole mesh,) the design that it is of.
+        on_iteration: called after every Newton iteration; what it raises ends the work.
     """
 
     def __init__(self, name: str, problem: Problem, options: RunOptions, wanted: tuple[str, ...], comm: Comm) -> None:
@@ -94,7 +97,17 @@ class LoadCase:
             name: functional_of(name, problem, self.system) for name in wanted
         }
         self.u: Vec | None = None
-        self._stiffness: Float | None = None  # that of the last state
+        self.stiffness_c: Float | None = None
+        self.on_iteration: OnIteration | None = None
+
+    @property
+    def shift(self) -> float:
+        """What Newton's method remembers besides the state: the last shift of an indefinite tangent."""
+        return self._solver.last_shift
+
+    def remember(self, u: Vec | None, stiffness_c: Float | None, shift: float) -> None:
+        """Go on from the last state of a search that was stopped."""
+        self.u, self.stiffness_c, self._solver.last_shift = u, stiffness_c, shift
 
     def solve(self, stiffness_c: Float, *, from_start: bool = False) -> Solved | None:
         """Equilibrium at full load with stiffnesses (n_cells of the whole mesh,), from 0 to 1; those of cells that are
@@ -107,7 +120,7 @@ class LoadCase:
         Returns:
             None if no equilibrium was found.
         """
-        mine = stiffness_c[self.system.cell_numbers()][:, None]
+        mine = self._mine(stiffness_c)
         before = self._solver.iterations_done
         budget = Budget(self._options.max_iterations or MOST_ITERATIONS)
         try:
@@ -116,7 +129,7 @@ class LoadCase:
             jumped = False if warm else self._load(budget)
         except (OutOfBudget, _NotReached):
             return None
-        self._stiffness = mine
+        self.stiffness_c = stiffness_c.copy()
         try:
             values, by_stiffness = self._results()
         except SingularTangent:
@@ -132,6 +145,19 @@ class LoadCase:
 
     # -- parts -----------------------------------------------------------------------------------------------------
 
+    def _mine(self, stiffness_c: Float) -> Float:
+        """(n_cells of this rank, 1) of stiffnesses (n_cells of the whole mesh,)."""
+        mine_c1: Float = stiffness_c[self.system.cell_numbers()][:, None]
+        return mine_c1
+
+    def _spending(self, budget: Budget) -> OnIteration:
+        def on_iteration(iteration: Iteration, done: int) -> None:
+            if self.on_iteration is not None:
+                self.on_iteration(iteration, done)
+            budget.spend()
+
+        return on_iteration
+
     def _set(self, stiffness_c1: Float) -> None:
         for region in self._regions:
             self.system.set_factors(region, stiffness_c1)
@@ -144,15 +170,16 @@ class LoadCase:
             OutOfBudget: of iterations.
         """
         assert self.u is not None
-        assert self._stiffness is not None
+        assert self.stiffness_c is not None
+        before_c1 = self._mine(self.stiffness_c)
         u, moved = self.u.copy(), self.u.duplicate()
         for part in range(1, parts + 1):
-            between_c1 = self._stiffness + (part / parts) * (stiffness_c1 - self._stiffness)
+            between_c1 = before_c1 + (part / parts) * (stiffness_c1 - before_c1)
             self._set(stiffness_c1 if part == parts else between_c1)
             trial = u.copy()
             self._solver.set_prescribed(trial, self._end)
             try:
-                result = self._solver.solve(trial, on_iteration=lambda *_: budget.spend())
+                result = self._solver.solve(trial, on_iteration=self._spending(budget))
             except EvaluationError:
                 return False
             moved.waxpy(-1.0, u, trial)
@@ -179,7 +206,7 @@ class LoadCase:
             self.system.set_parameters(self._path.at(0.0).parameters)
         stepper = LoadStepper(
             self._solver, self._stepping, on_step, control_path(self._problem, self._options),
-            on_iteration=lambda *_: budget.spend(),
+            on_iteration=self._spending(budget),
         )  # fmt: skip
         if not stepper.run(u).complete:
             raise _NotReached
@@ -188,7 +215,7 @@ class LoadCase:
 
     def _results(self) -> tuple[dict[str, float], dict[str, Float]]:
         assert self.u is not None
-        equilibrium = Equilibrium(self._solver, self.system, self.u, self._end)
+        equilibrium = Equilibrium(self._solver, self.system, self.u, self._end, cells_only=True)
         gradients = Gradients(self._problem, equilibrium, self._functionals)
         values, slopes = {}, {}
         for name in self._wanted:
