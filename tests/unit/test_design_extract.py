@@ -26,6 +26,7 @@ from tmc_vem.mesh.make.polyline import Polyline
 from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.make.triangles import triangle_mesh
 from tmc_vem.mesh.make.voronoi import voronoi_mesh
+from tmc_vem.mesh.parts import submesh, with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.description import MediumTable
 from tmc_vem.problems.materials import Material
@@ -138,6 +139,28 @@ def test_names_stay_where_they_are(directory: Path) -> None:
         assert np.hypot(*(ends[:, 1] - ends[:, 0]).T).sum() == pytest.approx(length, rel=1e-9)
     for place in ((2.0, 0.6), (2.0, 0.4)):  # of the gap, by coordinates
         mesh.find_vertex(*place)
+
+
+def test_places_of_probes_become_vertices(tmp_path: Path) -> None:
+    """Also those that are given by coordinates, inside a solid; the mesh does not get names for them."""
+    (tmp_path / "fork.toml").write_text(
+        TEXT.format(size=0.1, shapes="", design="room", regions="")
+        + '[probes.inner]\ndisplacement = "ux"\nat = [1.0, 0.5]\n[probes.under]\nposition = "y"\nat = [1.0, 0.2]\n'
+    )
+    design = read_problem(tmp_path / "fork.toml")[0]
+    mesh = structured_quadrilaterals(
+        np.linspace(0, 2.2, 45), np.linspace(0, 1, 21),
+        [Rectangle("none", 0, 2.2, 0, 1), Rectangle("design", 0, 2, 0, 1), Rectangle("pad", 2, 2.2, 0.4, 0.6)],
+        {"tip": (2.2, 0.5), "foot": (0.0, 0.5)},
+    )  # fmt: skip
+    mesh = submesh(mesh, mesh.region_c != mesh.region_names.index("none"))
+    mesh = with_names(mesh, None, {"wall": ((0, 0), (0, 1)), "end": ((2.2, 0.4), (2.2, 0.6))})
+    found = extracted_problem(design, mesh, fractions(mesh, SHAPE), MATERIALS)
+    for place in ((1.0, 0.5), (1.0, 0.2), (2.0, 0.6), (2.0, 0.4)):
+        found.mesh.find_vertex(*place, tolerance=1e-12)
+    assert set(found.mesh.named_points) == {"tip", "foot"}
+    assert find_faults(found.mesh) == []
+    assert found.volume_mesh == pytest.approx(SHAPE.area, rel=0.01)
 
 
 def test_narrow_gaps_are_meshed(directory: Path) -> None:
@@ -307,6 +330,8 @@ def test_figure(directory: Path) -> None:
     here = np.concatenate(lines.get_segments())
     assert there.max(axis=0) == pytest.approx(1.1 * here.max(axis=0), rel=1e-6)
     assert moved.axes[0].get_title() == "stretched"
+    wide = max(path.vertices[:, 0].max() for path in moved.axes[0].collections[0].get_paths())
+    assert wide == pytest.approx(1.1 * 2.2)
     with pytest.raises(InputError, match="densities have shape"):
         density_figure(mesh, density[1:])
     with pytest.raises(InputError, match="displacements have shape"):
