@@ -253,7 +253,7 @@ def test_petsc_options_that_are_none(text: str, message: str) -> None:
 
 def test_what_a_command_was_asked_is_kept_as_plain_values() -> None:
     context: Any = SimpleNamespace(command=SimpleNamespace(name="box"), params={"out": Path("a"), "uy": -1.0})
-    assert execute._asked(context) == {"problem": "box", "options": {"out": "a", "uy": -1.0}}
+    assert execute.asked(context) == {"problem": "box", "options": {"out": "a", "uy": -1.0}}
 
 
 def test_what_was_asked_is_read_back(tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
         settings,
         monitor=monitor,
         resume=context.meta.get(RESUME, False),
-        command=_asked(context),
+        command=asked(context),
     )
     if on_root:
         if options["as_json"]:
@@ -61,7 +61,7 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
         raise ConvergenceError(f"{stopped(result)}{kept}{'; ' if how else ''}{how}")
 
 
-def _asked(context: click.Context) -> dict[str, Any]:
+def asked(context: click.Context) -> dict[str, Any]:
     """Problem and options as plain values, for a later ``tmc-vem resume``."""
     plain = {name: str(value) if isinstance(value, Path) else value for name, value in context.params.items()}
     return {"problem": context.command.name, "options": plain}

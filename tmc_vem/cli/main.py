@@ -16,7 +16,8 @@ from tmc_vem.support.version import VERSION
 COMMANDS = {
     "run": ("tmc_vem.cli.run", "run_group", "Solve a problem and write results, fields and a picture."),
     "check": ("tmc_vem.cli.check", "check_file", "Check and draw a problem file before it is run."),
-    "resume": ("tmc_vem.cli.resume", "resume", "Go on with a run that was stopped."),
+    "optimise": ("tmc_vem.cli.optimise", "optimise", "Find the best design of a problem file."),
+    "resume": ("tmc_vem.cli.resume", "resume", "Go on with a run or a search that was stopped."),
     "compare": ("tmc_vem.cli.compare", "compare_group", "Virtual and finite elements on several meshes, as a report."),
     "sweep": ("tmc_vem.cli.sweep", "sweep", "Runs of a problem with all combinations of some values."),
     "gradient": ("tmc_vem.cli.gradient", "gradient", "Derivatives of results by numbers of a problem."),

@@ -1,1 +1,1 @@
-"""Designs: densities on polygons, and the optimisers that change them; only what needs no equilibrium."""
+"""Designs: densities on polygons, what they are worth, the optimisers that change them, and problems made of them."""

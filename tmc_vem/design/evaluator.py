@@ -79,6 +79,7 @@ class Evaluator:
         mesh: the whole mesh, on every rank.
         parametrisation: from variables to densities.
         cases: load cases by name.
+        wanted: results of each: objective and limits.
         worth: of the last design that was evaluated.
     """
 
@@ -92,11 +93,11 @@ class Evaluator:
         self.mesh: PolygonMesh = from_root(comm, problem.make_mesh)
         self.parametrisation = _parametrisation(problem, table, self.mesh)
         limits = {name: limit.of or name for name, limit in table.limits.items()}
-        wanted = tuple(dict.fromkeys((table.objective, *limits.values())))
+        self.wanted = tuple(dict.fromkeys((table.objective, *limits.values())))
         self.weights = {case.name: case.weight for case in table.cases} or {"": 1.0}
         self.cases: dict[str, LoadCase] = {}
         for name, changed in _problems(problem, table).items():
-            self.cases[name] = LoadCase(name or problem.name, changed, options, wanted, comm)
+            self.cases[name] = LoadCase(name or problem.name, changed, options, self.wanted, comm)
         self._limits = [_Limit(name, case, limits[name], table.limits[name]) for name in limits for case in self.cases]
         self.worth: Worth | None = None
         self.evaluations = 0
@@ -107,6 +108,12 @@ class Evaluator:
         several = len(self.cases) > 1
         named = tuple(f"{each.case}.{each.name}" if several else each.name for each in self._limits)
         return ((VOLUME,) if self.table.volume is not None else ()) + named
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the results in :attr:`Worth.values`."""
+        several = len(self.cases) > 1
+        return tuple(f"{case}.{of}" if several else of for case in self.cases for of in self.wanted)
 
     def project(self, projection: Projection | None) -> None:
         """From now on, densities are projected so."""

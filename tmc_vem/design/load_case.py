@@ -23,12 +23,17 @@ from tmc_vem.sensitivity.gradient import Gradients
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.plan import control_path
 from tmc_vem.simulation.simulation import prepare, stepping_of
+from tmc_vem.solve.budget import Budget, OutOfBudget
+from tmc_vem.solve.newton import Iteration, OnIteration
 from tmc_vem.solve.stepping import LoadStepper, Step
 from tmc_vem.support.distributed import Comm, Vec
 from tmc_vem.support.errors import EvaluationError, InputError
 
 Float = NDArray[np.float64]
 
+INFINITY = 3  # PETSc's number of this norm
+PARTS = (1, 4)  # in which a design is changed to the next one, if the first does not do
+MOST_ITERATIONS = 500  # of Newton's method for one design, unless max_iterations says otherwise
 FAR = 0.1  # of the mesh's size: a state that has moved further between two designs is looked at again from load 0
 SAME = 1e-5  # relative: results of the same state, found in two ways
 
@@ -54,6 +59,10 @@ class Solved:
     note: str = ""
 
 
+class _NotReached(Exception):
+    """The load could not be applied in full."""
+
+
 class LoadCase:
     """A problem whose design regions get other stiffnesses; all ranks make and use it together.
 
@@ -69,6 +78,8 @@ class LoadCase:
     Attributes:
         system: the discretisation.
         u: the last state at full load; None before there is one.
+        stiffness_c: (n_cells of the whole mesh,) the design that it is of.
+        on_iteration: called after every Newton iteration; what it raises ends the work.
     """
 
     def __init__(self, name: str, problem: Problem, options: RunOptions, wanted: tuple[str, ...], comm: Comm) -> None:
@@ -86,6 +97,17 @@ class LoadCase:
             name: functional_of(name, problem, self.system) for name in wanted
         }
         self.u: Vec | None = None
+        self.stiffness_c: Float | None = None
+        self.on_iteration: OnIteration | None = None
+
+    @property
+    def shift(self) -> float:
+        """What Newton's method remembers besides the state: the last shift of an indefinite tangent."""
+        return self._solver.last_shift
+
+    def remember(self, u: Vec | None, stiffness_c: Float | None, shift: float) -> None:
+        """Go on from the last state of a search that was stopped."""
+        self.u, self.stiffness_c, self._solver.last_shift = u, stiffness_c, shift
 
     def solve(self, stiffness_c: Float, *, from_start: bool = False) -> Solved | None:
         """Equilibrium at full load with stiffnesses (n_cells of the whole mesh,), from 0 to 1; those of cells that are
@@ -98,23 +120,23 @@ class LoadCase:
         Returns:
             None if no equilibrium was found.
         """
-        mine = stiffness_c[self.system.cell_numbers()][:, None]
-        for region in self._regions:
-            self.system.set_factors(region, mine)
+        mine = self._mine(stiffness_c)
         before = self._solver.iterations_done
-        warm = None if from_start or self.u is None else self._from_last()
-        jumped = False
-        if warm is None:
-            found, jumped = self._from_beginning()
-            if not found:
-                return None
+        budget = Budget(self._options.max_iterations or MOST_ITERATIONS)
+        try:
+            warm = not from_start and self.u is not None and any(self._follow(mine, parts, budget) for parts in PARTS)
+            self._set(mine)
+            jumped = False if warm else self._load(budget)
+        except (OutOfBudget, _NotReached):
+            return None
+        self.stiffness_c = stiffness_c.copy()
         try:
             values, by_stiffness = self._results()
         except SingularTangent:
             return None
         iterations = self._solver.iterations_done - before
         note = f"{self.name}: a branch ended on the way to full load" if jumped else ""
-        return Solved(values, by_stiffness, iterations, warm is None, jumped, note)
+        return Solved(values, by_stiffness, iterations, not warm, jumped, note)
 
     def displacements(self) -> Float:
         """(n_points, 2) displacements of this rank's output polygons at the last state."""
@@ -123,44 +145,77 @@ class LoadCase:
 
     # -- parts -----------------------------------------------------------------------------------------------------
 
-    def _from_last(self) -> bool | None:
-        """Go to equilibrium from the last state; None if that leads nowhere, far away, or to an unstable state."""
+    def _mine(self, stiffness_c: Float) -> Float:
+        """(n_cells of this rank, 1) of stiffnesses (n_cells of the whole mesh,)."""
+        mine_c1: Float = stiffness_c[self.system.cell_numbers()][:, None]
+        return mine_c1
+
+    def _spending(self, budget: Budget) -> OnIteration:
+        def on_iteration(iteration: Iteration, done: int) -> None:
+            if self.on_iteration is not None:
+                self.on_iteration(iteration, done)
+            budget.spend()
+
+        return on_iteration
+
+    def _set(self, stiffness_c1: Float) -> None:
+        for region in self._regions:
+            self.system.set_factors(region, stiffness_c1)
+
+    def _follow(self, stiffness_c1: Float, parts: int, budget: Budget) -> bool:
+        """Go to equilibrium from the last state, the design changing in some equal parts; False if that leads nowhere,
+        far away, or to an unstable state.
+
+        Raises:
+            OutOfBudget: of iterations.
+        """
         assert self.u is not None
-        trial = self.u.copy()
-        self._solver.set_prescribed(trial, self._end)
-        try:
-            result = self._solver.solve(trial)
-        except EvaluationError:
-            return None
-        if not result.converged or result.negative_pivots:
-            return None
-        moved = trial.duplicate()
-        moved.waxpy(-1.0, self.u, trial)
-        if moved.norm(3) > FAR * self.system.size:  # 3 is PETSc's infinity norm
-            return None
-        self.u = trial
+        assert self.stiffness_c is not None
+        before_c1 = self._mine(self.stiffness_c)
+        u, moved = self.u.copy(), self.u.duplicate()
+        for part in range(1, parts + 1):
+            between_c1 = before_c1 + (part / parts) * (stiffness_c1 - before_c1)
+            self._set(stiffness_c1 if part == parts else between_c1)
+            trial = u.copy()
+            self._solver.set_prescribed(trial, self._end)
+            try:
+                result = self._solver.solve(trial, on_iteration=self._spending(budget))
+            except EvaluationError:
+                return False
+            moved.waxpy(-1.0, u, trial)
+            if not result.converged or result.negative_pivots or moved.norm(INFINITY) > FAR * self.system.size:
+                return False
+            u = trial
+        self.u = u
         return True
 
-    def _from_beginning(self) -> tuple[bool, bool]:
-        """Apply the load step by step; whether it could be in full, and whether a branch ended on the way."""
+    def _load(self, budget: Budget) -> bool:
+        """Apply the load step by step; whether a branch ended on the way.
+
+        Raises:
+            OutOfBudget: of iterations.
+            _NotReached: the load could not be applied in full.
+        """
         u, jumps = self.system.create_vector(), []
 
         def on_step(step: Step, *_: object) -> None:
             jumps.append(step.jumped)
 
         self._solver.last_shift = 0.0
-        stepper = LoadStepper(self._solver, self._stepping, on_step, control_path(self._problem, self._options))
         if self._end.parameters:
             self.system.set_parameters(self._path.at(0.0).parameters)
-        outcome = stepper.run(u)
-        if not outcome.complete:
-            return False, any(jumps)
+        stepper = LoadStepper(
+            self._solver, self._stepping, on_step, control_path(self._problem, self._options),
+            on_iteration=self._spending(budget),
+        )  # fmt: skip
+        if not stepper.run(u).complete:
+            raise _NotReached
         self.u = u
-        return True, any(jumps)
+        return any(jumps)
 
     def _results(self) -> tuple[dict[str, float], dict[str, Float]]:
         assert self.u is not None
-        equilibrium = Equilibrium(self._solver, self.system, self.u, self._end)
+        equilibrium = Equilibrium(self._solver, self.system, self.u, self._end, cells_only=True)
         gradients = Gradients(self._problem, equilibrium, self._functionals)
         values, slopes = {}, {}
         for name in self._wanted:

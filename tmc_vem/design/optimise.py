@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ from tmc_vem.design.evaluation import Evaluation, Iterate, Optimum
 from tmc_vem.design.evaluator import Evaluator, Worth
 from tmc_vem.design.optimisers import minimise
 from tmc_vem.design.projection import Continuation, Projection
+from tmc_vem.design.record import Record
 from tmc_vem.design.replay import Replay
 from tmc_vem.problems.design_table import DesignTable
 from tmc_vem.problems.own import OwnProblem
@@ -33,14 +34,16 @@ class DesignStep:
         level: of the projection, from 0 on.
         projection: densities are projected so, if they are.
         iterate: variables, objective and constraints.
-        worth: results; None of a design that was answered from the record.
+        worth: results.
+        fresh: whether it was evaluated now, and not answered from the record.
     """
 
     number: int
     level: int
     projection: Projection | None
     iterate: Iterate
-    worth: Worth | None
+    worth: Worth
+    fresh: bool = True
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,8 @@ class DesignResult:
 
 
 OnDesign = Callable[[DesignStep], None]
+# What is told of an evaluation that was made: its number, from 1, and the evaluation.
+OnEvaluation = Callable[[int, Record], None]
 
 
 class Optimisation:
@@ -79,10 +84,14 @@ class Optimisation:
         problem: with a table ``[design]``.
         options: how its load cases are solved.
         comm: ranks; all by default.
-        records: evaluations of a search that was stopped, which are not made again.
 
     Raises:
         InputError: the problem has no design, or a load case is wrong.
+
+    Attributes:
+        evaluator: evaluates designs.
+        steps: evaluations until now.
+        on_evaluation: told of every evaluation that is made, before the method has it; those on record are not made.
     """
 
     def __init__(
@@ -90,16 +99,24 @@ class Optimisation:
         problem: OwnProblem,
         options: RunOptions | None = None,
         comm: Comm | None = None,
-        records: Iterable[tuple[Float, Evaluation]] = (),
     ) -> None:
         self.evaluator = Evaluator(problem, options or RunOptions(), MPI.COMM_WORLD if comm is None else comm)
-        self.replay = Replay(self.evaluator, records)
+        self.replay = Replay(self._evaluate)
         self.steps: list[DesignStep] = []
+        self.on_evaluation: OnEvaluation | None = None
+        self._worths: list[Worth] = []
 
     @property
     def table(self) -> DesignTable:
         """What is wanted."""
         return self.evaluator.table
+
+    def go_on(self, records: Sequence[Record]) -> None:
+        """Begin with the evaluations of a search that was stopped, which are not made again. The load cases have to be
+        brought to the state of the last of them."""
+        self.replay = Replay(self._evaluate, [(record.z, record.evaluation) for record in records])
+        self._worths = [record.worth for record in records]
+        self.evaluator.evaluations = len(records)
 
     def go(self, on_design: OnDesign | None = None) -> DesignResult:
         """Search; whoever wants to hear of every design is told.
@@ -130,6 +147,16 @@ class Optimisation:
 
     # -- parts -----------------------------------------------------------------------------------------------------
 
+    def _evaluate(self, z: Float) -> Evaluation:
+        evaluation = self.evaluator(z)
+        worth = self.evaluator.worth
+        assert worth is not None
+        del self._worths[len(self.steps) :]  # of a record that was of another search
+        self._worths.append(worth)
+        if self.on_evaluation is not None:
+            self.on_evaluation(len(self.steps) + 1, Record(z, evaluation, worth))
+        return evaluation
+
     def _levels(self) -> list[tuple[Projection | None, int]]:
         """Projections with the most evaluations on each."""
         table = self.table.projection
@@ -144,8 +171,9 @@ class Optimisation:
         table, evaluator = self.table, self.evaluator
 
         def told(iterate: Iterate) -> None:
-            fresh = self.replay.replayed < len(self.steps) + 1
-            step = DesignStep(len(self.steps) + 1, level, projection, iterate, evaluator.worth if fresh else None)
+            number = len(self.steps) + 1
+            fresh = self.replay.replayed < number
+            step = DesignStep(number, level, projection, iterate, self._worths[number - 1], fresh)
             self.steps.append(step)
             if on_design is not None:
                 on_design(step)

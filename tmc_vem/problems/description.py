@@ -92,7 +92,8 @@ class RegionTable:
         graded: formulas of numbers that vary from cell to cell: of the centroid x, y, of cell data of the mesh file by
             name, and of the number itself, ``{E = "E * (1 + x / 2)"}``.
         stiffness: of a design region, the fraction of the solid in all cells: 0 is the medium alone, 1 the solid; by
-            default 1. ``tmc-vem optimise`` chooses it cell by cell.
+            default 1. ``tmc-vem optimise`` chooses it cell by cell and writes a file, ``"stiffness.npz"``, whose name
+            may stand here too, relative to the problem file.
     """
 
     shape: str | None = None
@@ -103,7 +104,7 @@ class RegionTable:
     hold: str | None = None
     is_medium: bool | None = None
     graded: Mapping[str, str] = field(default_factory=dict)
-    stiffness: float | None = None
+    stiffness: float | str | None = None
 
     @property
     def is_design(self) -> bool:
@@ -119,7 +120,14 @@ class RegionTable:
                 f"{' and '.join(given) or 'none'}"
             )
         if self.stiffness is not None and not self.is_design:
-            raise InputError(f"stiffness = {self.stiffness:g} is for design regions, which have a solid and a medium")
+            raise InputError(
+                f"stiffness = {shown(self.stiffness)} is for design regions, which have a solid and a medium"
+            )
+        if isinstance(self.stiffness, str) and not self.stiffness.endswith(".npz"):
+            raise InputError(
+                f"stiffness = {shown(self.stiffness)}: give a number from 0 to 1, or a file of 'tmc-vem optimise' that "
+                "ends in .npz"
+            )
         if self.is_design and self.graded:
             raise InputError("graded is for a solid or a medium alone: in a design region the design varies")
         if self.is_medium is not None and self.density is None:

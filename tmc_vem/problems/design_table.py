@@ -6,18 +6,20 @@ here.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.settings import about, described
-from tmc_vem.support.validation import check_fields, require_finite, require_positive, require_within
+from tmc_vem.support.validation import check_fields, require_finite, require_positive, require_within, shown
 
 LAWS = ("simp", "ramp")
 FILTERS = ("cone", "helmholtz", "none")
 METHODS = ("mma", "ccsaq", "oc")
 WORST_CASE = 100
+_NAME = re.compile(r"[A-Za-z][\w-]*", re.ASCII)
 
 
 @described
@@ -138,6 +140,10 @@ class CaseTable:
     weight: float = 1.0
 
     def __post_init__(self) -> None:
+        if not _NAME.fullmatch(self.name):
+            raise InputError(
+                f"cases: {shown(self.name)}: use letters, digits, _ and - for a name, a letter first: files have it too"
+            )
         require_positive("weight", self.weight, "of a load case")
 
 

@@ -14,7 +14,8 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import require_choice, require_finite, require_positive, require_within, shown
 
 XY = tuple[float, float]
-CELLS = ("voronoi", "triangles", "quadrilaterals")
+GRID = "grid"
+CELLS = ("voronoi", "triangles", "quadrilaterals", GRID)
 CRACKS = ("join", "keep")
 
 
@@ -101,7 +102,7 @@ class MeshTable:
         names: for groups of the file, by their number or the name that they have there.
         region_data: cell data of the file whose values are regions.
         cracks: ``"keep"`` takes vertices of the file at the same place for cracks; ``"join"`` refuses them.
-        cells: kind of cells made from shapes.
+        cells: kind of cells made from shapes; ``"grid"`` for equal squares in shapes whose sides are lines of the grid.
         size: of these cells (length).
         refine: places with smaller cells.
         growth: by how much cells grow for each unit of distance from such a place.
@@ -140,6 +141,8 @@ class MeshTable:
         require_within("growth", self.growth, 0.0, STEEPEST, "a cell is twice as large as its neighbour at 1; try 0.3")
         if self.size is not None:
             require_positive("size", self.size, "of the cells, a length")
+        if self.cells == GRID and self.refine:
+            raise InputError("refine and cells = 'grid' do not go together: all its cells are equal; use other cells")
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,10 @@ from tmc_vem.problems.design_region import design_region
 from tmc_vem.problems.graded import ByFormulas, OfParameters
 from tmc_vem.problems.load_tables import Load
 from tmc_vem.problems.materials import Material, Medium
-from tmc_vem.problems.mesh_tables import EdgesTable
+from tmc_vem.problems.mesh_tables import GRID, EdgesTable
 from tmc_vem.problems.probes import GAP, Gap, Place, Probe, check_probes
 from tmc_vem.problems.regularisers import require_traceable
+from tmc_vem.problems.stiffness_file import StiffnessOfFile
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
 from tmc_vem.system.constraints import PROPORTIONAL, Amplitude, Condition, is_called
@@ -157,7 +158,7 @@ class OwnProblem:
         return self._loads[0]
 
     def inputs(self) -> dict[str, Any]:
-        """The whole description as plain values; a mesh file by its content too."""
+        """The whole description as plain values; files of meshes and designs by their content too."""
         plain = _plain({**asdict(self.table), "name": None, "units": None, "solve": None})
         if self.table.mesh.file is not None:
             plain["mesh"]["content"] = hashlib.sha256(self._mesh_file.read_bytes()).hexdigest()[:16]
@@ -165,6 +166,9 @@ class OwnProblem:
             solid = self.table.regions[name].solid
             if solid is not None:
                 region["solid"] = solid.as_dict()
+            design = self._regions[name].graded
+            if isinstance(design, StiffnessOfFile):
+                region["stiffness_content"] = design.digest
             table = self.table.regions[name].medium
             if table is not None and table.alpha is not None:
                 region["medium"] |= {"alpha_r": self._regions[name].values["alpha_r"], "h": self._width(table)}
@@ -248,10 +252,10 @@ class OwnProblem:
             sorted({name for region in regions for number in region.graded for name in region.cell_data(number)})
         )
 
-    def _design(self, material: Material, table: MediumTable, stiffness: float | None) -> RegionEnergy:
+    def _design(self, material: Material, table: MediumTable, stiffness: float | str | None) -> RegionEnergy:
         """A solid and a medium, of whose energies the solid's is weighted."""
-        one = 1.0 if stiffness is None else stiffness
-        return design_region(material, self._made(table), one, table.mu, self._width(table))
+        of = self.directory / stiffness if isinstance(stiffness, str) else 1.0 if stiffness is None else stiffness
+        return design_region(material, self._made(table), of, table.mu, self._width(table))
 
     def _made(self, table: MediumTable) -> Medium:
         values = {key: getattr(table, key) for key in OF_MEDIUM}
@@ -376,12 +380,16 @@ class OwnProblem:
         return combine(shapes, {name: region.shape or "" for name, region in self.table.regions.items()})
 
     def _from_shapes(self) -> PolygonMesh:
+        from tmc_vem.mesh.make.grid import grid_mesh
         from tmc_vem.mesh.make.triangles import triangle_mesh
         from tmc_vem.mesh.make.voronoi import voronoi_mesh
 
         table, origin = self.table.mesh, self._origin
         points = {name: place if origin is None else near(place, origin) for name, place in self.table.points.items()}
-        if table.cells == "voronoi":
+        if table.cells == GRID:
+            assert table.size is not None
+            mesh = grid_mesh(self._outlines, table.size, points)
+        elif table.cells == "voronoi":
             mesh = voronoi_mesh(self._outlines, self._size(), points)
         else:
             quadrilaterals = table.cells == "quadrilaterals"

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from tmc_vem.results.records import MARKS
+from tmc_vem.results.design_run import DesignRun
+from tmc_vem.results.records import DESIGN, MARKS
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.support.errors import InputError
 
@@ -27,10 +28,26 @@ def find_runs(directory: Path) -> tuple[dict[str, RunResult], list[str]]:
             raise InputError(f"{directory} cannot be read: {error.strerror}")
         unreadable.append(f"{error.filename} cannot be read: {error.strerror}")
 
-    found = [Path(path) for path, _, names in os.walk(directory, onerror=missed) if not {*MARKS}.isdisjoint(names)]
+    found = [
+        Path(path)
+        for path, _, names in os.walk(directory, onerror=missed)
+        if not {*MARKS}.isdisjoint(names) and DESIGN not in names
+    ]
     for path in sorted(found):
         try:
             runs[str(path.relative_to(directory))] = RunResult.read(path)
         except InputError as error:
             unreadable.append(str(error))
     return runs, unreadable
+
+
+def find_designs(directory: Path) -> tuple[dict[str, DesignRun], list[str]]:
+    """All searches for designs in a directory and below it, by path relative to it, and what there is to say of those
+    without a result."""
+    found, others = {}, []
+    for path in sorted(Path(path) for path, _, names in os.walk(directory) if DESIGN in names):
+        try:
+            found[str(path.relative_to(directory))] = DesignRun.read(path)
+        except InputError as error:
+            others.append(str(error))
+    return found, others

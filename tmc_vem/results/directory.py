@@ -18,6 +18,7 @@ from tmc_vem.results.records import (
     CONTACT_FOLDER,
     CONTACT_LINES,
     CONTACT_TABLE,
+    DESIGN,
     FIELDS,
     HISTORY,
     MARKS,
@@ -49,6 +50,9 @@ class RunDirectory:
         InputError: the path is a file, cannot be written, or has something in it that must not be replaced.
     """
 
+    # What a run leaves, which the next one there removes.
+    own: tuple[str, ...] = _OWN
+
     def __init__(self, path: str | Path, *, overwrite: bool = False) -> None:
         self.path = Path(path)
         self._facts: dict[str, Any] = {}
@@ -61,7 +65,7 @@ class RunDirectory:
         if path.exists() and not path.is_dir():
             raise InputError(f"output directory {path} is a file: choose another name")
         if path.is_dir() and any(entry.name != LOCK for entry in path.iterdir()):
-            if not any((path / name).exists() for name in (*MARKS, HISTORY)):
+            if not any((path / name).exists() for name in (*MARKS, HISTORY)) or self._is_foreign():
                 raise InputError(f"output directory {path} has other things in it: choose an empty or new one")
             if not self._overwrite:
                 raise InputError(f"output directory {path} has a run in it: choose another, or say --overwrite")
@@ -78,6 +82,10 @@ class RunDirectory:
                 with suppress(OSError):
                     directory.rmdir()
 
+    def _is_foreign(self) -> bool:
+        """Whether there is something else than a run, though it looks like one."""
+        return (self.path / DESIGN).exists()
+
     def lock(self) -> DirectoryLock:
         """Make the directory and keep others out of it.
 
@@ -87,6 +95,25 @@ class RunDirectory:
         with _writable(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
             return DirectoryLock(self.path)
+
+    def clear(self) -> None:
+        """Make the directory, without what an earlier run left.
+
+        Raises:
+            InputError: there is a run by now that must not be replaced.
+        """
+        with _writable(self.path):
+            self._check()
+        self.path.mkdir(parents=True, exist_ok=True)
+        remove_unfinished(self.path)
+        for name in self.own:
+            target = self.path / name
+            if target.is_dir():
+                shutil.rmtree(target)
+            else:
+                target.unlink(missing_ok=True)
+        for part in self.path.glob("checkpoint-part-*.npz"):
+            part.unlink()
 
     def start(self, command: Mapping[str, Any] | None = None, problem: str | None = None) -> None:
         """Make the directory, without what an earlier run left.
@@ -98,18 +125,7 @@ class RunDirectory:
         Raises:
             InputError: there is a run by now that must not be replaced.
         """
-        with _writable(self.path):
-            self._check()
-        self.path.mkdir(parents=True, exist_ok=True)
-        remove_unfinished(self.path)
-        for name in _OWN:
-            target = self.path / name
-            if target.is_dir():
-                shutil.rmtree(target)
-            else:
-                target.unlink(missing_ok=True)
-        for part in self.path.glob("checkpoint-part-*.npz"):
-            part.unlink()
+        self.clear()
         (self.path / FIELDS).mkdir()
         if command is not None:
             write_atomically(self.path / COMMAND, json.dumps(command, indent=2) + "\n")

@@ -22,6 +22,7 @@ from tmc_vem.support.units import ENERGY, NONE
 SCHEMA, OLDEST = 2, 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
 PROBLEM = "problem.toml"  # of a run whose problem came from tables
+DESIGN = "design.toml"  # the same of a search for a design, whose directory is none of a run
 # tractions: the table of the last step, and of all snapshots the folder and the collection of their lines
 CONTACT_TABLE, CONTACT_FOLDER, CONTACT_LINES = "contact.csv", "contact", "contact.pvd"
 TRIANGULATED = "triangulated"  # fields cut into triangles: the collection, and what their files begin with

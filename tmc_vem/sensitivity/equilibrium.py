@@ -32,7 +32,8 @@ class Adjoint:
 
     Attributes:
         field: L, a vector of the system, constrained entries included.
-        by_prescribed: (n,) total derivatives of v by what is prescribed at this rank's constrained degrees of freedom.
+        by_prescribed: (n,) total derivatives of v by what is prescribed at this rank's constrained degrees of freedom;
+            not numbers where only those by parameters of cells are wanted.
     """
 
     field: Vec
@@ -48,6 +49,8 @@ class Equilibrium:
         u: displacements.
         position: where on the path it is.
         behind: tells whether the second of two points is behind the surface of the first, where surfaces cross.
+        cells_only: only derivatives by parameters of cells are wanted, which saves two products and a solution: those
+            along the path and by what is prescribed are not numbers.
 
     Raises:
         SingularTangent: the tangent there cannot be factorised.
@@ -55,20 +58,25 @@ class Equilibrium:
     Attributes:
         system: the discretisation.
         state: what functionals are of.
-        per_load: rate of u per load factor along the path.
+        per_load: rate of u per load factor along the path; not numbers with ``cells_only``.
         negative_pivots: of the tangent; above zero the state is unstable. None if the solver cannot tell.
     """
 
     def __init__(
-        self, solver: NewtonSolver, system: Discretisation, u: Vec, position: Control, behind: Behind | None = None
-    ) -> None:
-        self.system, self._solver = system, solver
+        self, solver: NewtonSolver, system: Discretisation, u: Vec, position: Control, behind: Behind | None = None, *,
+        cells_only: bool = False,
+    ) -> None:  # fmt: skip
+        self.system, self._solver, self._cells_only = system, solver, cells_only
         system.set_position(position)
         residual = system.create_vector()
         system.residual(u, residual)
         self.state = FunctionalState(u, residual, position, behind)
         self.per_load = system.create_vector()
-        solved, self.negative_pivots = solver.per_load(u, position, self.per_load)
+        if cells_only:
+            self.per_load.set(np.nan)
+            solved, self.negative_pivots = solver.linearise(u, position)
+        else:
+            solved, self.negative_pivots = solver.per_load(u, position, self.per_load)
         if not solved:
             raise SingularTangent(
                 f"the tangent at load factor {position.load:g} has no inverse{solver.linear_complaint}: there is no "
@@ -95,6 +103,8 @@ class Equilibrium:
             raise SingularTangent(f"no adjoint field was found{self._solver.linear_complaint}")
         if of.on_residual is not None:
             field.getArray()[held] = of.on_residual.getArray(readonly=True)[held]
+        if self._cells_only:
+            return Adjoint(field, np.full(len(held), np.nan))
         # along what is prescribed: dj/du_c + K_cf L_f + K_cc w
         system.tangent_action(field, rhs)
         rhs.axpy(1.0, of.by_u)

@@ -65,6 +65,11 @@ def problem_text(problem: OwnProblem, options: RunOptions) -> str:
 
     Limits on the work of one run are left out, as nothing but its length depends on them.
     """
+    return HEADER + toml_text(solved_table(problem, options))
+
+
+def solved_table(problem: OwnProblem, options: RunOptions) -> dict[str, Any]:
+    """The tables of :func:`problem_text`."""
     table = as_table(problem.table)
     directory = problem.directory
     if "file" in table["mesh"]:
@@ -72,14 +77,16 @@ def problem_text(problem: OwnProblem, options: RunOptions) -> str:
     for region in table["regions"].values():
         for place, key in ((region, "density"), (region.get("medium", {}), "regulariser")):
             if key in place:
-                place[key] = _from_root(place[key], directory)
+                place[key] = from_root(place[key], directory)
+        if isinstance(region.get("stiffness"), str):
+            region["stiffness"] = str((directory / region["stiffness"]).resolve())
     solve = as_table(dataclasses.replace(options, overwrite=False, max_iterations=None, max_seconds=None))
     if "solver" in solve and Path(solve["solver"]).is_file():
         solve["solver"] = str(Path(solve["solver"]).resolve())
-    return HEADER + toml_text({**table, "solve": solve} if solve else {k: v for k, v in table.items() if k != "solve"})
+    return {**table, "solve": solve} if solve else {name: of for name, of in table.items() if name != "solve"}
 
 
-def _from_root(wanted: str, directory: Path) -> str:
+def from_root(wanted: str, directory: Path) -> str:
     """``FILE.py:FUNCTION`` with the whole path of the file, if it is one of the directory's."""
     file, colon, function = wanted.rpartition(":")
     inside = directory / file

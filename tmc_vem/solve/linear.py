@@ -115,6 +115,15 @@ class LinearSolver:
         self.iterations += self.ksp.getIterationNumber()
         return self._worked(rhs, out)
 
+    def prepare(self) -> bool:
+        """Factorise the matrix's present values, for :meth:`solve_again`; whether that worked."""
+        self.ksp.setOperators(self.ksp.getOperators()[0])
+        before, self._factor, self._solves = self._factor, None, True
+        with self._in_database():
+            factorise(self.ksp, before)
+        self._factor = factor_state(self.ksp.getPC()) if self.ksp.getType() == PETSc.KSP.Type.PREONLY else None
+        return self._factor is None or not self._factor.failed
+
     def solve_again(self, rhs: Vec, out: Vec) -> bool:
         """Solve with the last factorisation; whether it worked."""
         if self._factor and self._factor.failed:

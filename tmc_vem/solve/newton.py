@@ -332,8 +332,23 @@ class NewtonSolver:
         out.axpy(1.0, self._direction)
         return solved, pivots
 
+    def linearise(self, u: Vec, position: Control) -> tuple[bool, int | None]:
+        """Put the tangent at ``u``, which belongs to a position on the path, together and factorise it.
+
+        Returns:
+            Whether it worked, and its negative pivots. :meth:`correction` solves with the factors.
+        """
+        self.system.set_position(position)
+        self.system.damp_slip(0.0)
+        with self.timer("assembly"):
+            self.system.jacobian(u, self._matrix)
+        self._shifted = False
+        with self.timer("linear solve"):
+            return self._linear.prepare(), self._linear.negative_pivots()
+
     def correction(self, residual: Vec, out: Vec) -> bool:
-        """Newton's correction for a residual with the tangent that :meth:`per_load` has factorised."""
+        """Newton's correction for a residual with the tangent that :meth:`per_load` or :meth:`linearise` has
+        factorised."""
         residual.copy(self._rhs)
         self._rhs.scale(-1.0)
         self._clear_constrained(self._rhs)

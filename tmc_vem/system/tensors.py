@@ -19,11 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.support.errors import InputError
-from tmc_vem.support.units import NONE, STRESS
+from tmc_vem.support.units import LENGTH, NONE, STRESS
 
 Float = NDArray[np.float64]
 
 DEFORMATION, PIOLA, CAUCHY = "deformation_gradient", "first_piola_stress", "cauchy_stress"
+# Of designs: fields of cells, and what displacements of load cases begin with.
+OF_DESIGNS, MOVED = ("density", "stiffness"), "displacement_"
 # Components of the tensors; where the energy does not say what acts across the plane, those with z are no numbers.
 COMPONENTS: Mapping[str, tuple[str, ...]] = {
     DEFORMATION: ("xX", "xY", "yX", "yY"),
@@ -194,4 +196,6 @@ def values_of(name: str, tensors: Mapping[str, Float]) -> Float:
 
 def kind_of(name: str) -> str:
     """Kind of quantity of a field."""
-    return SCALARS[name].kind if name in SCALARS else NONE if name == DEFORMATION else STRESS
+    if name in (DEFORMATION, *OF_DESIGNS):
+        return NONE
+    return LENGTH if name.startswith(MOVED) else SCALARS[name].kind if name in SCALARS else STRESS

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.mesh.make.outline import Arc, Point, Region, Size
+from tmc_vem.mesh.make.outline import Arc, Entry, Point, Region, Size
+from tmc_vem.mesh.make.polyline import Polyline
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.errors import InputError
 
@@ -76,7 +77,11 @@ def meshed_near_origin(mesher: Callable[..., PolygonMesh]) -> Callable[..., Poly
 
 
 def _near_region(region: Region, origin: Point) -> Region:
-    def entry(of: Point | Arc) -> Point | Arc:
-        return Arc(near(of.center, origin), of.radius, of.first, of.last) if isinstance(of, Arc) else near(of, origin)
+    def entry(of: Entry) -> Entry:
+        if isinstance(of, Arc):
+            return Arc(near(of.center, origin), of.radius, of.first, of.last)
+        if isinstance(of, Polyline):
+            return Polyline(tuple(near(point, origin) for point in of.points))
+        return near(of, origin)
 
     return Region(region.name, [entry(e) for e in region.outline], [[entry(e) for e in hole] for hole in region.holes])

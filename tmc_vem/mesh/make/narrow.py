@@ -25,6 +25,30 @@ def narrow_place(regions: Sequence[Region], skeleton: Skeleton, size: Size) -> s
         skeleton: nodes along them.
         size: of cells.
     """
+    nodes = skeleton.nodes_nx
+    width, foot = widths(skeleton)
+    h = evaluate_size(size, nodes)
+    n = int((width / h).argmin())
+    if not width[n] < CELLS_ACROSS * h[n]:
+        return None
+    middle = 0.5 * (nodes[n] + foot[n])
+    return (
+        f"the interface near ({middle[0]:.4g}, {middle[1]:.4g}) is not resolved: {_region_at(regions, middle)} is "
+        f"{width[n]:.3g} wide there, too narrow for cells of size {h[n]:.3g}; two must fit across, so use a size of "
+        f"{width[n] / CELLS_ACROSS:.3g} or less there (refine), or make it wider"
+    )
+
+
+def widths(skeleton: Skeleton, cosine: float = ACROSS, *, both: bool = True) -> tuple[Float, Float]:
+    """Distance (n_nodes,) from every node to the nearest outline that faces its own, infinite without one, and the
+    place (n_nodes, 2) there.
+
+    Args:
+        skeleton: nodes along outlines.
+        cosine: of the smallest angle between the way across and an outline.
+        both: whether the way is across the other outline too; if not, corners count, and at a corner of its own the way
+            is across both sides.
+    """
     nodes, segments = skeleton.nodes_nx, skeleton.segments_sn
     start, arm = nodes[segments[:, 0]], nodes[segments[:, 1]] - nodes[segments[:, 0]]
     length = np.hypot(*arm.T)
@@ -40,24 +64,18 @@ def narrow_place(regions: Sequence[Region], skeleton: Skeleton, size: Size) -> s
         t = np.clip(np.einsum("nsx,sx->ns", x[:, None] - start, tangent), 0.0, length)
         way = start + t[..., None] * tangent - x[:, None]
         distance = np.hypot(*np.moveaxis(way, -1, 0))
-        across = np.abs(np.einsum("nsx,sx->ns", way, tangent)) <= ACROSS * distance
-        mine = tangent[own[first : first + step]]
-        across &= (np.abs(np.einsum("nsx,nkx->nsk", way, mine)) <= ACROSS * distance[..., None]).any(axis=-1)
+        mine = (
+            np.abs(np.einsum("nsx,nkx->nsk", way, tangent[own[first : first + step]])) <= cosine * distance[..., None]
+        )
+        across = mine.any(axis=-1) if both else mine.all(axis=-1)
+        if both:
+            across &= np.abs(np.einsum("nsx,sx->ns", way, tangent)) <= cosine * distance
         distance[~across | (distance <= touching)] = np.inf
         nearest = distance.argmin(axis=1)
         rows = np.arange(len(x))
         width[first : first + step] = distance[rows, nearest]
         foot[first : first + step] = x + way[rows, nearest]
-    h = evaluate_size(size, nodes)
-    n = int((width / h).argmin())
-    if not width[n] < CELLS_ACROSS * h[n]:
-        return None
-    middle = 0.5 * (nodes[n] + foot[n])
-    return (
-        f"the interface near ({middle[0]:.4g}, {middle[1]:.4g}) is not resolved: {_region_at(regions, middle)} is "
-        f"{width[n]:.3g} wide there, too narrow for cells of size {h[n]:.3g}; two must fit across, so use a size of "
-        f"{width[n] / CELLS_ACROSS:.3g} or less there (refine), or make it wider"
-    )
+    return width, foot
 
 
 def _region_at(regions: Sequence[Region], point: Float) -> str:

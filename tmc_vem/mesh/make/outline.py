@@ -1,4 +1,4 @@
-"""Outlines of plane regions from straight lines and arcs, and nodes along them at the distance of a size field."""
+"""Outlines of plane regions from lines, arcs and polylines, and nodes along them at the distance of a size field."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.mesh.make.polyline import Polyline
 from tmc_vem.support.errors import InputError
 
 Float = NDArray[np.float64]
@@ -113,7 +114,8 @@ class Arc:
         return Arc(self.center, self.radius, self.first + span * t0, self.first + span * t1)
 
 
-Curve = Line | Arc
+Curve = Line | Arc | Polyline
+Entry = Point | Arc | Polyline
 
 
 @dataclass(frozen=True)
@@ -122,14 +124,14 @@ class Region:
 
     Attributes:
         name: of the region in the mesh; several may share one.
-        outline: points and arcs in order around the region, in either direction; points, and ends of arcs, that follow
-            each other are joined by straight lines.
+        outline: points, arcs and polylines in order around the region, in either direction; points, and ends of arcs
+            and polylines, that follow each other are joined by straight lines.
         holes: outlines of holes.
     """
 
     name: str
-    outline: Sequence[Point | Arc]
-    holes: Sequence[Sequence[Point | Arc]] = ()
+    outline: Sequence[Entry]
+    holes: Sequence[Sequence[Entry]] = ()
 
     def curves(self) -> list[Curve]:
         """All boundary curves.
@@ -139,14 +141,14 @@ class Region:
         """
         return [curve for loop in (self.outline, *self.holes) for curve in self._loop(loop)]
 
-    def _loop(self, entries: Sequence[Point | Arc]) -> list[Curve]:
+    def _loop(self, entries: Sequence[Entry]) -> list[Curve]:
         curves: list[Curve] = []
         ends: list[tuple[Point, Point]] = [
-            (e.start, e.end) if isinstance(e, Arc) else ((float(e[0]), float(e[1])),) * 2 for e in entries
+            (e.start, e.end) if isinstance(e, Arc | Polyline) else ((float(e[0]), float(e[1])),) * 2 for e in entries
         ]
         extent = max((math.dist(ends[0][0], end) for pair in ends for end in pair), default=0.0)
         for n, entry in enumerate(entries):
-            if isinstance(entry, Arc):
+            if isinstance(entry, Arc | Polyline):
                 curves.append(entry)
             here, there = ends[n][1], ends[(n + 1) % len(ends)][0]
             if math.dist(here, there) > COINCIDE * extent:
@@ -159,10 +161,15 @@ class Region:
         """Shapely polygon; arcs are approximated."""
         import shapely
 
-        def ring(entries: Sequence[Point | Arc]) -> Float:
-            t = np.linspace(0.0, 1.0, per_curve + 1)
-            pieces = [curve.at(t[:-1]) if isinstance(curve, Arc) else curve.at(t[:1]) for curve in self._loop(entries)]
-            return np.concatenate(pieces)
+        t = np.linspace(0.0, 1.0, per_curve + 1)
+
+        def without_end(curve: Curve) -> Float:
+            if isinstance(curve, Polyline):
+                return np.array(curve.points[:-1])
+            return curve.at(t[:-1] if isinstance(curve, Arc) else t[:1])
+
+        def ring(entries: Sequence[Entry]) -> Float:
+            return np.concatenate([without_end(curve) for curve in self._loop(entries)])
 
         polygon = shapely.Polygon(ring(self.outline), [ring(hole) for hole in self.holes])
         if not polygon.is_valid:

@@ -17,11 +17,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.mesh.make.outline import COINCIDE, Arc, Curve, Line, Point, Region
+from tmc_vem.mesh.make.outline import COINCIDE, Arc, Line, Point, Region
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import require_positive, require_within
 
 Float = NDArray[np.float64]
+Curve = Line | Arc
 
 # How far beside a piece's middle its two sides are looked at, as a fraction of all shapes' extent.
 BESIDE = 1e-7
