@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.energy.mixed import STIFFNESS
 from tmc_vem.problems.base import Problem, with_friction
-from tmc_vem.sensitivity.changes import Change, Changes
+from tmc_vem.sensitivity.changes import Change, Changes, require_cells
 from tmc_vem.sensitivity.equilibrium import Equilibrium
 from tmc_vem.sensitivity.functionals import functional_of
 from tmc_vem.sensitivity.functionals_record import CellParts, Functional
@@ -132,7 +132,7 @@ class Gradients:
         Raises:
             InputError: the number is that of a load or a support, which no cell has.
         """
-        change.require_cells()
+        require_cells([change])
         return self._of_whole(self._in_cells(self.sensitivity(of), change))
 
     def by_own_cells(self, of: str | Functional, change: Change) -> Float:
