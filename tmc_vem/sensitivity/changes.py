@@ -49,6 +49,7 @@ class Change:
     prescribed: Float | None = None
     force_ni: Float | None = None
 
+
 class Changes:
     """Finds out what numbers of a problem change; all ranks make and use it together.
 
