@@ -7,15 +7,17 @@ from pathlib import Path
 
 import click
 
+from codegen.by_parameters import compile_by_parameters
 from codegen.compiler import derive, generate, versions
 from codegen.driver import Driver
 from codegen.errors import CodegenError
+from codegen.finding import Finding
 from codegen.kernel import Kernel, compiled
 from codegen.reference import fault_at_reference
 from codegen.show import derivation
 from codegen.trace import trace
 from codegen.userfile import LoadedDensity, load_density
-from codegen.verify import DECLARED_OTHERWISE, Finding, verify
+from codegen.verify import DECLARED_OTHERWISE, verify
 
 UNSET = 1.0  # value at which a parameter without a given one is checked
 
@@ -111,7 +113,8 @@ def _check(loaded: LoadedDensity, driver: Driver | None) -> bool:
     """Compile the kernel, print the verification table, and say whether everything passed."""
     values = _values(loaded)
     kernel = Kernel(compiled(loaded.integrand, driver), loaded.integrand)
-    findings = verify(kernel, loaded.function, values, loaded.declared)
+    derivatives = compile_by_parameters(loaded.integrand)
+    findings = verify(kernel, loaded.function, values, loaded.declared, by_parameters=derivatives)
     _print_table(loaded, values, findings)
     return all(finding.passed for finding in findings)
 

@@ -7,21 +7,23 @@ expansions, so nothing here relies on the symbolic derivatives.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codegen import oracle
+from codegen.by_parameters import ParameterKernel
 from codegen.declare import Declaration
 from codegen.errors import CodegenError
+from codegen.finding import Finding, rate_finding, relative
 from codegen.integrand import LAYOUT, second_gradient_energy, stress_names
 from codegen.kernel import ENERGY, GRADIENT, TANGENT, Kernel
 from codegen.out_of_plane import out_of_plane_stress
 from codegen.reference import fault_at_reference
 from codegen.sampling import REGIMES, SAFETY_ANGLE, Regime, directions, from_vector, rotate, sample
 from codegen.trace import trace
+from codegen.verify_parameters import parameter_findings
 
 Array = NDArray[np.float64]
 
@@ -29,7 +31,6 @@ N_STATES = 40
 VALUE_LIMIT = 1e-9  # numpy, not the kernel, loses digits where J is small
 DIFFERENCE_LIMIT = 1e-5
 REFERENCE_LIMIT = 1e-12
-EXACT = 1e-13
 MARGIN = 0.1  # of a declared domain, which is 1 at F = I: derivatives by differences need room
 MOST_HALVINGS = 60
 DECLARED_OTHERWISE = "declared otherwise"
@@ -38,31 +39,13 @@ GRADIENT_STEPS = (4e-5, 2e-5, 1e-5)  # small, so that a slightly wrong component
 HESSIAN_STEPS = (1e-3, 5e-4, 2.5e-4)
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One checked property.
-
-    Attributes:
-        what: the property.
-        measured: the figure, as text.
-        required: what it must be, as text.
-        passed: the verdict.
-        words: what is wrong, or what to know, in a sentence; empty if there is nothing to say.
-    """
-
-    what: str
-    measured: str
-    required: str
-    passed: bool
-    words: str = ""
-
-
 def verify(
     kernel: Kernel,
     density: Callable[..., Any],
     parameters: Mapping[str, float],
     declared: Declaration | None = None,
     seed: int = 0,
+    by_parameters: ParameterKernel | None = None,
 ) -> list[Finding]:
     """All findings about a kernel; it is sound if all of them passed.
 
@@ -72,8 +55,10 @@ def verify(
         parameters: values of its parameters.
         declared: what the author stated about it.
         seed: of the random states.
+        by_parameters: its derivatives with respect to parameters, if they are to be checked as well.
     """
-    return list(_findings(kernel, density, parameters, declared or Declaration(), np.random.default_rng(seed)))
+    rng = np.random.default_rng(seed)
+    return list(_findings(kernel, density, parameters, declared or Declaration(), rng, by_parameters))
 
 
 def _findings(
@@ -82,6 +67,7 @@ def _findings(
     values: Mapping[str, float],
     declared: Declaration,
     rng: np.random.Generator,
+    by_parameters: ParameterKernel | None,
 ) -> Iterator[Finding]:
     drawn = {regime: sample(regime, N_STATES, rng, declared.max_rotation) for regime in REGIMES}
     states = {regime: _within(declared.domain, x_nx, values) for regime, x_nx in drawn.items()}
@@ -100,6 +86,8 @@ def _findings(
     yield from _reference_state(kernel, array, density, values, declared)
     if declared.gradient is not None:
         yield _hand_written(kernel, array, declared.gradient, values, everything)
+    if by_parameters is not None:
+        yield from parameter_findings(kernel, by_parameters, values, everything, rng)
 
 
 def _within(domain: Callable[..., Any] | None, x_nx: Array, values: Mapping[str, float]) -> Array:
@@ -152,15 +140,9 @@ def _against_numpy(
 ) -> Finding:
     psi = kernel.points(ENERGY, x_nx, array)[0]
     expected = oracle.energy_density(density, x_nx, values)
-    error = float(np.max(_relative(psi, expected)))
+    error = float(np.max(relative(psi, expected)))
     words = "" if error < VALUE_LIMIT else "The kernel and the Python function disagree: please report it."
     return Finding("energy against numpy", f"{error:.1e}", f"< {VALUE_LIMIT:.0e}", error < VALUE_LIMIT, words)
-
-
-def _relative(psi: Array, expected: Array) -> Array:
-    """Relative differences; where the energy happens to be tiny, relative to a millionth of the usual size."""
-    size = np.abs(expected)
-    return np.asarray(np.abs(psi - expected) / np.maximum(size, 1e-6 * np.median(size) + np.finfo(float).tiny))
 
 
 def _taylor(kernel: Kernel, array: Array, regime: Regime, x_nx: Array, rng: np.random.Generator) -> Iterator[Finding]:
@@ -175,8 +157,12 @@ def _taylor(kernel: Kernel, array: Array, regime: Regime, x_nx: Array, rng: np.r
         _remainders(kernel, array, x_nx, d_nx, HESSIAN_STEPS, lambda h: psi + h * slope + h**2 / 2 * curvature) / scale
     )
     name = regime.name
-    yield _rate(f"gradient, Taylor rate, {name}", GRADIENT_STEPS, first, 2, "The gradient is not that of the energy.")
-    yield _rate(f"Hessian, Taylor rate, {name}", HESSIAN_STEPS, second, 3, "The Hessian is not that of the energy.")
+    yield rate_finding(
+        f"gradient, Taylor rate, {name}", GRADIENT_STEPS, first, 2, "The gradient is not that of the energy."
+    )
+    yield rate_finding(
+        f"Hessian, Taylor rate, {name}", HESSIAN_STEPS, second, 3, "The Hessian is not that of the energy."
+    )
 
 
 def _remainders(
@@ -184,16 +170,6 @@ def _remainders(
 ) -> Array:
     """``psi(x + h d)`` less its model for each step h: (n_steps, n_states)."""
     return np.stack([kernel.points(ENERGY, x_nx + h * d_nx, array)[0] - model(h) for h in steps])
-
-
-def _rate(what: str, steps: Sequence[float], remainders: Array, order: int, words: str) -> Finding:
-    required = f"> {order - 0.1:.1f}"
-    size = np.sqrt(np.mean(remainders**2, axis=1))
-    if size[0] < EXACT:  # the energy is a polynomial of lower degree: there is nothing left to decay
-        return Finding(what, "exact", required, True)
-    rate = float(np.polyfit(np.log(steps), np.log(size), 1)[0]) if np.isfinite(size).all() else np.nan
-    passed = rate > order - 0.1
-    return Finding(what, f"{rate:.2f}", required, passed, "" if passed else words)
 
 
 def _symmetry(kernel: Kernel, array: Array, x_nx: Array) -> Finding:
@@ -228,7 +204,7 @@ def _objectivity(kernel: Kernel, array: Array, x_nx: Array, declared: Declaratio
     angles = rng.uniform(5.0, 170.0, len(x_nx))
     psi = kernel.points(ENERGY, x_nx, array)[0]
     turned = kernel.points(ENERGY, rotate(x_nx, angles), array)[0]
-    change = _relative(turned, psi)
+    change = relative(turned, psi)
     worst = int(np.nanargmax(change)) if np.isfinite(change).any() else 0
     objective = bool(change[worst] < VALUE_LIMIT)
     words = ""

@@ -12,6 +12,7 @@ settle()  # tests load MPI in their own process as well
 LONG = (
     "tests/test_docs.py",
     "tests/mpi/test_mpi_runs.py",
+    "tests/mpi/test_mpi_sensitivity.py",
     "tests/test_demos.py",
     "tests/unit/test_interior_penalty.py",
     "tests/unit/test_compare.py",

@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 
 from codegen.build import compiler
+from codegen.by_parameters import compile_by_parameters
 from codegen.ctext import point_arithmetic_source
+from codegen.integrand import second_gradient_energy
 from codegen.kernel import TANGENT, compile_energy
-from codegen.sampling import Regime, sample
+from codegen.sampling import Regime, directions, sample
 from tmc_vem.energy import DENSITIES, PAPER_DENSITIES
 
 PARAMETERS = {"K": 20.0, "mu": 10.0, "gamma": 1e-3, "alpha_r": 0.7, "beta": 5.0}
@@ -103,6 +105,35 @@ def test_relative_error_of_energy_gradient_and_hessian(name, states):
         assert relative_error([psi[n]], [exact_psi]) < LIMIT
         assert relative_error(g[n], exact_g) < LIMIT
         assert relative_error(h[n].ravel(), exact_h) < LIMIT
+
+
+def by_parameter(energy, x, y, name):
+    """Derivatives by a parameter of psi and of its rate along y, in many digits by central differences."""
+    values = {key: mpmath.mpf(value) for key, value in PARAMETERS.items()}
+
+    def psi(parameter, along):
+        v = [mpmath.mpf(float(a)) + along * H * mpmath.mpf(float(b)) for a, b in zip(x, y, strict=True)]
+        F = [[1 + v[0], v[2]], [v[1], 1 + v[3]]]
+        G = [[[v[4 + i + 2 * j + 4 * k] for k in (0, 1)] for j in (0, 1)] for i in (0, 1)]
+        p = SimpleNamespace(**{**values, name: values[name] + parameter * H})
+        return energy.density(F, G, p, MP)
+
+    mixed = psi(1, 1) - psi(1, -1) - psi(-1, 1) + psi(-1, -1)
+    return (psi(1, 0) - psi(-1, 0)) / (2 * H), mixed / (4 * H**2)
+
+
+@pytest.mark.parametrize("states", STATES)
+@pytest.mark.parametrize("name", ["solid", "medium_angle_damped", "medium_huhu_lulu"])
+def test_relative_error_of_derivatives_by_parameters(name, states):
+    """All of a state together, as one may vanish, such as that by mu of a pure change of area."""
+    energy, x_nx = DENSITIES[name], STATES[states]
+    derivatives = compile_by_parameters(second_gradient_energy(energy.density, energy.name, energy.parameters))
+    y_nx = directions(x_nx, np.random.default_rng(43))
+    found = derivatives.by_parameters(x_nx, y_nx, derivatives.parameter_array(PARAMETERS))
+    for n, (x, y) in enumerate(zip(x_nx, y_nx, strict=True)):
+        exact = [by_parameter(energy, x, y, parameter) for parameter in energy.parameters]
+        for part in (0, 1):
+            assert relative_error(found[part][n], [pair[part] for pair in exact]) < LIMIT
 
 
 def test_angle_at_large_rotations():

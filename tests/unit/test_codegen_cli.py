@@ -113,6 +113,7 @@ def test_the_medium_alone_and_a_file_path(request):
     result = run(f"{path}:medium", "--check", "--param", "mu=5", command=POINTS)
     assert result.exit_code == 0
     assert "medium: mu = 5" in result.stdout
+    assert "stress by mu, Taylor rate" in result.stdout
 
 
 def test_values_that_were_not_given_are_pointed_out():

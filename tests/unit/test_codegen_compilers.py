@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from codegen import build
+from codegen.by_parameters import parameter_source
 from codegen.compiler import generate
 from codegen.driver import Driver
 from codegen.errors import CodegenError
@@ -24,7 +25,7 @@ from tmc_vem.energy import PAPER_DENSITIES
 from tmc_vem.vem.facets.compiled import SIDE_DRIVER
 from tmc_vem.vem.facets.energy import facet_integrand
 from tmc_vem.vem.kernel.cells import compile_cells
-from tmc_vem.vem.kernel.driver import CELL_DRIVER
+from tmc_vem.vem.kernel.driver import CELL_DRIVER, PARAMETER_DRIVER
 
 WARNINGS = ("-Wall", "-Wextra", "-Wshadow", "-Wstrict-prototypes", "-Wvla", "-Werror")
 NAMES = ("gcc", "clang", "cc", *(f"gcc-{n}" for n in range(9, 17)), *(f"clang-{n}" for n in range(11, 22)))
@@ -75,6 +76,23 @@ def test_nor_about_one_of_sides(monkeypatch, tmp_path, compiler, full):
     medium = second_gradient_energy(energy.density, energy.name, energy.parameters)
     source = generate(trace(facet_integrand(medium, full)), driver=SIDE_DRIVER).c_source
     assert_source_is_silent(monkeypatch, tmp_path, compiler, "sides", source)
+
+
+@pytest.mark.parametrize("compiler", compilers())
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("name", TWO_KINDS)
+def test_nor_about_derivatives_by_parameters(monkeypatch, tmp_path, compiler, machine, name):
+    monkeypatch.setattr(build, "FLAGS", tuple(re.sub("=native$", f"={machine}", flag) for flag in build.FLAGS))
+    energy = PAPER_DENSITIES[name]
+    traced = trace(second_gradient_energy(energy.density, energy.name, energy.parameters))
+    for driver in (PARAMETER_DRIVER, None):
+        assert_source_is_silent(monkeypatch, tmp_path, compiler, name, parameter_source(traced, driver))
+
+
+@pytest.mark.parametrize("compiler", compilers())
+def test_nor_about_those_of_an_energy_without_parameters(monkeypatch, tmp_path, compiler):
+    text = parameter_source(trace(second_gradient_energy(square, "square")), PARAMETER_DRIVER)
+    assert_source_is_silent(monkeypatch, tmp_path, compiler, "square", text)
 
 
 @pytest.mark.parametrize("compiler", compilers())

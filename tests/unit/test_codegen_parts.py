@@ -14,13 +14,13 @@ from codegen.cprinter import c_expression
 from codegen.declare import Declaration, declaration, energy
 from codegen.derive import exact_constant, to_sympy, with_det_as_variable
 from codegen.errors import CodegenError
+from codegen.finding import EXACT, Finding, rate_finding, relative
 from codegen.integrand import second_gradient_energy
 from codegen.reference import fault_at_reference
 from codegen.sampling import REGIMES, Regime
 from codegen.schedule import INVERSE_J, LOG_J, LOG_J_REMAINDER, _reduce, reciprocal
 from codegen.trace import trace
 from codegen.userfile import LoadedDensity, as_density
-from codegen.verify import Finding
 
 N = 12
 RNG = np.random.default_rng(5)
@@ -55,7 +55,7 @@ def test_remainders_of_taylor_s_formula_are_relative_to_the_sizes_of_its_terms(m
     x, d = RNG.normal(size=(3, N)), RNG.normal(size=(3, N))
     seen: list[Any] = []
     monkeypatch.setattr(verify, "directions", lambda *_: d)
-    monkeypatch.setattr(verify, "_rate", lambda *given: seen.append(given))
+    monkeypatch.setattr(verify, "rate_finding", lambda *given: seen.append(given))
     list(verify._taylor(kernel, np.zeros(1), Regime("some", 0.5, 2.0, 10.0, 1.1), x, np.random.default_rng(0)))
     psi, g, h = kernel.points(2, x, None)
     (what, steps, first, order, words), (what2, steps2, second, order2, words2) = seen
@@ -85,12 +85,12 @@ def test_remainders_of_taylor_s_formula_are_relative_to_the_sizes_of_its_terms(m
 )
 def test_rates_of_decay(sizes: tuple[float, ...], order: int, finding: Finding | None) -> None:
     remainders = np.array(sizes)[:, None] * np.array([1.0, -1.0])
-    found = verify._rate("w", (4.0, 2.0, 1.0), remainders, order, "bad")
+    found = rate_finding("w", (4.0, 2.0, 1.0), remainders, order, "bad")
     assert found == finding if finding else not found.passed
 
 
 def test_sizes_that_differences_are_relative_to() -> None:
-    assert verify._relative(np.array([1.1, 2.0, 1e-9]), np.array([1.0, 2.0, 0.0])).tolist() == pytest.approx(
+    assert relative(np.array([1.1, 2.0, 1e-9]), np.array([1.0, 2.0, 0.0])).tolist() == pytest.approx(
         [0.1, 0.0, 1e-9 / 1e-6]
     )
     h = np.zeros((3, 2, 2))
@@ -166,7 +166,7 @@ def test_the_regimes_of_the_check() -> None:
     assert [(r.name, r.j_min, r.j_max, r.rotation, r.stretch_ratio) for r in REGIMES] == [
         ("mild", 0.8, 1.25, 20.0, 1.2), ("large", 0.2, 2.0, 90.0, 2.0), ("extreme", 1e-4, 3.0, 170.0, 4.0),
     ]  # fmt: skip
-    assert (verify.VALUE_LIMIT, verify.DIFFERENCE_LIMIT, verify.REFERENCE_LIMIT, verify.EXACT) == (
+    assert (verify.VALUE_LIMIT, verify.DIFFERENCE_LIMIT, verify.REFERENCE_LIMIT, EXACT) == (
         1e-9, 1e-5, 1e-12, 1e-13,
     )  # fmt: skip
 

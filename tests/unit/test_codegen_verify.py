@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from codegen.by_parameters import compile_by_parameters
 from codegen.declare import Declaration
+from codegen.integrand import second_gradient_energy
 from codegen.kernel import compile_energy
 from codegen.sampling import REGIMES, directions, from_vector, rotate, sample, to_vector
 from codegen.verify import verify
@@ -186,3 +188,64 @@ def test_directions_do_not_leave_the_admissible_states():
         for step in (-0.02, 0.02):
             J = np.linalg.det(from_vector(x + step * d)[0])
             assert np.all(0.9 * np.linalg.det(from_vector(x)[0]) < J)
+
+
+# ---- derivatives by parameters --------------------------------------------------------------------------------------
+
+
+class TamperedByParameters:
+    """Compiled derivatives of which one is changed on the way out."""
+
+    def __init__(self, derivatives, part, entry, factor):
+        self._derivatives, self._changed = derivatives, (part, entry, factor)
+        self.parameters, self.integrand = derivatives.parameters, derivatives.integrand
+
+    def by_parameters(self, x_nx, y_nx, parameters):
+        part, entry, factor = self._changed
+        values = self._derivatives.by_parameters(x_nx, y_nx, parameters)
+        return tuple(scaled(v, np.s_[:, entry], factor) if n == part else v for n, v in enumerate(values))
+
+
+def derivatives_of(name):
+    energy = DENSITIES[name]
+    return compile_by_parameters(second_gradient_energy(energy.density, energy.name, energy.parameters))
+
+
+@pytest.mark.parametrize("name", ["solid", "medium_angle_damped"])
+def test_sound_derivatives_by_parameters(name):
+    energy = DENSITIES[name]
+    findings = verify(kernel_of(name), energy.density, PARAMETERS, by_parameters=derivatives_of(name))
+    assert all(f.passed for f in findings)
+    assert {f.what for f in findings if " by " in f.what and "rate" in f.what} == {
+        f"{what} by {parameter}, Taylor rate" for what in ("energy", "stress") for parameter in energy.parameters
+    }
+    (numpy,) = (f for f in findings if f.what == "by parameters, against numpy")
+    assert float(numpy.measured) < 1e-10
+    if name == "medium_angle_damped":  # the only parameter that it is not linear in
+        measured = {f.what: f.measured for f in findings}
+        assert measured["energy by mu, Taylor rate"] == "exact"
+        assert float(measured["stress by beta, Taylor rate"]) == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("part", "what"), [(0, "energy"), (1, "stress")])
+def test_wrong_derivatives_by_parameters(part, what):
+    derivatives = TamperedByParameters(derivatives_of("medium_angle_damped"), part, 3, 1 + 1e-3)
+    assert derivatives.parameters[3] == "beta"
+    found = verify(
+        kernel_of("medium_angle_damped"), DENSITIES["medium_angle_damped"].density, PARAMETERS,
+        by_parameters=derivatives,
+    )  # fmt: skip
+    assert {f.what: f.words for f in found if not f.passed} == {
+        "by parameters, against numpy": "Derivatives by parameters disagree with those of the Python function: please "
+                                        "report it.",
+        f"{what} by beta, Taylor rate": f"The derivative of the {what} by beta is not that of the {what}.",
+    }  # fmt: skip
+
+
+def test_energies_without_parameters_have_no_derivatives_by_them():
+    def stretch(F, G, p, m):
+        return (F[0][0] ** 2 + F[1][0] ** 2 - 1.0) ** 2 + (F[0][1] ** 2 + F[1][1] ** 2 - 1.0) ** 2
+
+    kernel = compile_energy(stretch, "stretch", ())
+    derivatives = compile_by_parameters(second_gradient_energy(stretch, "stretch", ()))
+    assert len(verify(kernel, stretch, {}, by_parameters=derivatives)) == len(verify(kernel, stretch, {}))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import tmc_vem
 from tmc_vem.design.extract import DesignMaterials, Extracted, extracted_problem
+from tmc_vem.design.extract_compare import compare_runs, comparison_table
 from tmc_vem.design.extract_figure import density_figure
 from tmc_vem.design.extract_files import write_extracted
 from tmc_vem.design.extract_mesh import with_point
@@ -25,10 +26,13 @@ from tmc_vem.mesh.make.polyline import Polyline
 from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.make.triangles import triangle_mesh
 from tmc_vem.mesh.make.voronoi import voronoi_mesh
+from tmc_vem.mesh.parts import submesh, with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.description import MediumTable
 from tmc_vem.problems.materials import Material
 from tmc_vem.problems.own import OwnProblem
+from tmc_vem.results.records import StepRecord
+from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.problem_file import read_problem
 from tmc_vem.support.errors import InputError
@@ -135,6 +139,28 @@ def test_names_stay_where_they_are(directory: Path) -> None:
         assert np.hypot(*(ends[:, 1] - ends[:, 0]).T).sum() == pytest.approx(length, rel=1e-9)
     for place in ((2.0, 0.6), (2.0, 0.4)):  # of the gap, by coordinates
         mesh.find_vertex(*place)
+
+
+def test_places_of_probes_become_vertices(tmp_path: Path) -> None:
+    """Also those that are given by coordinates, inside a solid; the mesh does not get names for them."""
+    (tmp_path / "fork.toml").write_text(
+        TEXT.format(size=0.1, shapes="", design="room", regions="")
+        + '[probes.inner]\ndisplacement = "ux"\nat = [1.0, 0.5]\n[probes.under]\nposition = "y"\nat = [1.0, 0.2]\n'
+    )
+    design = read_problem(tmp_path / "fork.toml")[0]
+    mesh = structured_quadrilaterals(
+        np.linspace(0, 2.2, 45), np.linspace(0, 1, 21),
+        [Rectangle("none", 0, 2.2, 0, 1), Rectangle("design", 0, 2, 0, 1), Rectangle("pad", 2, 2.2, 0.4, 0.6)],
+        {"tip": (2.2, 0.5), "foot": (0.0, 0.5)},
+    )  # fmt: skip
+    mesh = submesh(mesh, mesh.region_c != mesh.region_names.index("none"))
+    mesh = with_names(mesh, None, {"wall": ((0, 0), (0, 1)), "end": ((2.2, 0.4), (2.2, 0.6))})
+    found = extracted_problem(design, mesh, fractions(mesh, SHAPE), MATERIALS)
+    for place in ((1.0, 0.5), (1.0, 0.2), (2.0, 0.6), (2.0, 0.4)):
+        found.mesh.find_vertex(*place, tolerance=1e-12)
+    assert set(found.mesh.named_points) == {"tip", "foot"}
+    assert find_faults(found.mesh) == []
+    assert found.volume_mesh == pytest.approx(SHAPE.area, rel=0.01)
 
 
 def test_narrow_gaps_are_meshed(directory: Path) -> None:
@@ -304,7 +330,46 @@ def test_figure(directory: Path) -> None:
     here = np.concatenate(lines.get_segments())
     assert there.max(axis=0) == pytest.approx(1.1 * here.max(axis=0), rel=1e-6)
     assert moved.axes[0].get_title() == "stretched"
+    wide = max(path.vertices[:, 0].max() for path in moved.axes[0].collections[0].get_paths())
+    assert wide == pytest.approx(1.1 * 2.2)
     with pytest.raises(InputError, match="densities have shape"):
         density_figure(mesh, density[1:])
     with pytest.raises(InputError, match="displacements have shape"):
         density_figure(mesh, density, None, mesh.points_vx[1:])
+
+
+# -- comparison --------------------------------------------------------------------------------------------------------
+
+
+def run_of(directory: Path, *steps: tuple[float, float, dict[str, float]]) -> RunResult:
+    """A run that has reached some loads, with reactions and probes."""
+    history = [
+        StepRecord(
+            n, load, -0.2 * load, probes, reaction, iterations=3, cut_backs=0, wasted_iterations=0, min_j={}, energy={},
+            negative_pivots=0, jumped=False, seconds=1.0,
+        )
+        for n, (load, reaction, probes) in enumerate(steps, start=1)
+    ]  # fmt: skip
+    return RunResult(
+        inputs={}, versions={}, complete=False, reason="", load=1.0, n_cells=1, n_dofs=1, newton_iterations=0,
+        cut_backs=0, projection_degrees={}, seconds={}, history=history, directory=directory,
+    )  # fmt: skip
+
+
+def test_comparison(directory: Path) -> None:
+    """At the last load that both reached, between steps on a line."""
+    _, _, found = fork(directory)
+    design = run_of(directory, (0.5, -1.0, {"tip": 0.1, "own": 1.0}), (1.0, -3.0, {"tip": 0.3, "own": 1.0}))
+    fitted = run_of(directory, (0.75, -2.1, {"tip": 0.19}))
+    rows = {row.name: row for row in compare_runs(design, fitted, found)}
+    assert list(rows) == ["volume", "displacement", "reaction", "tip"]
+    assert (rows["reaction"].design, rows["reaction"].extracted) == (pytest.approx(-2.0), -2.1)
+    assert rows["reaction"].difference == pytest.approx(0.05)
+    assert rows["displacement"].difference == pytest.approx(0.0)
+    assert rows["tip"].design == pytest.approx(0.2)
+    assert rows["volume"].extracted == found.volume_mesh
+    table = comparison_table(design, fitted)
+    assert table.caption.endswith("at 0.75 of the load.")
+    assert tuple(table.rows[1]) == ("reaction", "-2.0000e+00", "-2.1000e+00", "+5.00 %")
+    with pytest.raises(InputError, match="the run of the extracted problem has no load step"):
+        compare_runs(design, run_of(directory))

@@ -14,7 +14,7 @@ from tmc_vem.design.extract import Outlines, contour
 from tmc_vem.design.extract_options import ExtractOptions
 from tmc_vem.design.outline import DensityField, density_field
 from tmc_vem.design.outline_domain import Domain, chains
-from tmc_vem.design.outline_smooth import blunted, offset_line, resampled, spaced, taubin
+from tmc_vem.design.outline_smooth import Smoother, blunted, offset_line, resampled, spaced, taubin
 from tmc_vem.mesh.make.outline import Region
 from tmc_vem.mesh.make.structured import Rectangle, structured_quadrilaterals
 from tmc_vem.mesh.make.voronoi import voronoi_mesh
@@ -275,6 +275,37 @@ def test_a_volume_that_is_not_kept() -> None:
     """Waves of a few cells go with enough passes, and what stands then is another shape; the volume says so."""
     with pytest.raises(InputError, match="smoothing changes the volume of the solid by"):
         outlines("quadrilaterals", 20, shapely.Point(0.5, 0.5).buffer(0.07), smoothing=1000, volume=1e-9, smallest=1)
+
+
+# -- named places ------------------------------------------------------------------------------------------------------
+
+
+def test_outlines_go_to_named_points_nearby() -> None:
+    """A load just beside the solid, on a border or inside, is on its outline; so is the end of a loaded edge."""
+    mesh = with_names(
+        square("quadrilaterals", 20), {"side": (1.0, 0.5), "inside": (0.5, 0.5), "below": (0.3, 0.0)},
+        {"patch": ((1.0, 0.5), (1.0, 0.8))},
+    )  # fmt: skip
+    mesh_density = fractions("quadrilaterals", 20, shapely.box(0, 0.52, 1, 0.8))
+    for name in ("side", "inside", "patch"):
+        found = contour(Domain(mesh, ("design",), (), ("wall",), (name,)), mesh_density, NAMES, ExtractOptions())
+        x, y = (0.5, 0.5) if name == "inside" else (1.0, 0.5)
+        assert found.solid.boundary.distance(shapely.Point(x, y)) < 1e-12
+        assert found.solid.distance(shapely.Point(x, y - 0.01)) == pytest.approx(0.01, rel=0.05)
+    with pytest.raises(InputError, match=r"load: nothing is solid at 'below', the nearest solid is 0\.5"):
+        contour(Domain(mesh, ("design",), (), ("wall",), ("below",)), mesh_density, NAMES, ExtractOptions())
+
+
+def test_outlines_keep_clear_of_borders() -> None:
+    """A line that smoothing has brought close to a border, or to a corner of a passive region, is half a cell away."""
+    lines = np.linspace(0.0, 1.0, 21)
+    block = Rectangle("block", 0.5, 1.0, 0.0, 0.5)
+    domain = Domain(structured_quadrilaterals(lines, lines, [Rectangle("design", 0, 1, 0, 1), block]), ("design",))
+    smoother = Smoother(domain.room, domain, 0.05, ExtractOptions(narrowest=0.5))
+    along = smoother._clear(np.array([[0.0, 0.7], [0.01, 0.75], [0.2, 0.8], [0.49, 0.52], [0.6, 0.9]]))
+    assert along[0].tolist() == [0.0, 0.7]
+    assert along[1].tolist() == pytest.approx([0.025, 0.75])
+    assert shapely.Point(0.5, 0.5).distance(shapely.LineString(along)) > 0.024
 
 
 # -- lines -------------------------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from test_codegen_layout import FLUX, ONLY_F
 
-from codegen.ctext import points_header
+from codegen.ctext import by_parameters_header, points_header
 from codegen.errors import CodegenError
 from codegen.integrand import second_gradient_energy
 from codegen.kernel import ENERGY, TANGENT, Kernel
@@ -20,8 +20,9 @@ from tmc_vem.vem.facets.batch import SidesStruct
 from tmc_vem.vem.facets.compiled import SIDE_DRIVER, SideKernel
 from tmc_vem.vem.kernel.abi import SIGNATURES
 from tmc_vem.vem.kernel.batch import BatchStruct, CellBatch, Tangents, TangentsStruct
+from tmc_vem.vem.kernel.by_parameters import CellParameterKernel
 from tmc_vem.vem.kernel.cells import CellKernel, compile_cells
-from tmc_vem.vem.kernel.driver import CELL_DRIVER
+from tmc_vem.vem.kernel.driver import CELL_DRIVER, PARAMETER_DRIVER
 
 PARAMETERS = {"K": 20.0, "mu": 10.0, "gamma": 0.5, "alpha_r": 0.7, "beta": 2.0}
 
@@ -337,9 +338,18 @@ def without_comments(code):
     return re.sub(r"/\*.*?\*/", "", code, flags=re.DOTALL)
 
 
-@pytest.mark.parametrize(("driver", "signatures"), [(CELL_DRIVER, SIGNATURES), (SIDE_DRIVER, SideKernel.signatures)])
-def test_signatures_are_those_of_the_header(driver, signatures):
-    code = without_comments(points_header() + driver.declarations)
+@pytest.mark.parametrize(
+    ("exported", "driver", "signatures"),
+    [
+        (points_header, CELL_DRIVER, SIGNATURES),
+        (points_header, SIDE_DRIVER, SideKernel.signatures),
+        (by_parameters_header, PARAMETER_DRIVER, CellParameterKernel.signatures),
+    ],
+)
+def test_signatures_are_those_of_the_header(exported, driver, signatures):
+    code = without_comments(exported() + driver.declarations)
+    of_others = "".join(path.read_text() for path in driver.shared_headers)  # structures only are shared
+    code = code.replace(without_comments(of_others), "")
     declared = {}
     for result, name, arguments in re.findall(r"(\w+) (tmc_\w+)\(([^)]*)\);", code):
         types = ["pointer" if "*" in argument else argument.split()[0] for argument in arguments.split(",")]

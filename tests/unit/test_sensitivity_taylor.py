@@ -15,8 +15,9 @@ OF_SEAL = (
     "contact.block.moment", "p_norm.von_mises.block",
 )  # fmt: skip
 BY_SEAL = (
-    "regions.foot.solid.E", "regions.foot.solid.nu", "regions.block.solid.J_m", "block.K", "regions.medium.medium.gamma",
-    "regions.medium.medium.alpha", "regions.medium.medium.mu", "load.uy", "support.top.ux",
+    "regions.foot.solid.E", "regions.foot.solid.nu", "regions.block.solid.J_m", "block.K",
+    "regions.medium.medium.gamma", "regions.medium.medium.alpha", "regions.medium.medium.mu", "load.uy",
+    "support.top.ux",
 )  # fmt: skip
 
 

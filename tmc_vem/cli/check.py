@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -106,9 +107,15 @@ def _regions(found: Checkup, length: str) -> list[str]:
         lines += [
             f"  {region.name}: {region.n_cells} cells of size {region.smallest:.3g} to {region.largest:.3g}{length}, "
             f"{2 * region.n_nodes} degrees of freedom, area {region.area:.4g}",
-            f"    {'third medium' if of['medium'] else 'solid'}, energy '{of['energy']}': {values or 'no parameters'}",
+            f"    {_kind(of)}, energy '{of['energy']}': {values or 'no parameters'}",
         ]
     return lines
+
+
+def _kind(of: Mapping[str, Any]) -> str:
+    if of.get("design"):
+        return "design region, a solid in third medium"
+    return "third medium" if of["medium"] else "solid"
 
 
 def _gaps(found: Checkup, length: str) -> list[str]:

@@ -134,6 +134,7 @@ def contour(
     lines = smoother.smooth()
     faces = faces_by_name(smoother, lines, names)
     solid = polygons_of_all([faces[solid] for solid, _ in names.values() if solid in faces])
+    domain.require_touched([*solid.geoms, *domain.solids.geoms])
     return Outlines(
         faces, solid, level, cell, field.volume, float(raw.area), float(clean.solid.area), float(solid.area),
         len(solid.geoms), sum(len(part.interiors) for part in solid.geoms), clean.notes,

@@ -10,7 +10,7 @@ import numpy as np
 
 from tmc_vem.design.extract_options import ExtractOptions
 from tmc_vem.design.outline import polygons_of
-from tmc_vem.design.outline_domain import Domain
+from tmc_vem.design.outline_domain import MARGIN, Domain
 from tmc_vem.support.errors import InputError
 
 # What is narrow is at least this long compared with the width; the rest are corners, which are always narrow.
@@ -113,32 +113,20 @@ class _Work:
         if not (domain.held or domain.loaded):
             return
         parts = connected([*self.solid.geoms, *domain.solids.geoms], domain)
-        held = [name for name in domain.held if any(domain.touches(part, name) for part in parts)]
-        if domain.held and not held:
-            nearest = min(domain.held, key=lambda name: self._away(name, parts))
-            raise InputError(
-                f"the solid is not connected to a support: '{nearest}' is nearest, {self._away(nearest, parts):.3g} "
-                "away from anything solid; make the cells there solid in the design (a passive region), or use a lower "
-                "level"
-            )
-        for name in domain.loaded:
-            if not any(domain.touches(part, name) for part in parts):
-                raise InputError(
-                    f"load: nothing is solid at '{name}', the nearest solid is {self._away(name, parts):.3g} away: "
-                    "make the cells there solid in the design (a passive region), or use a lower level"
-                )
+        slack = MARGIN * self.cell  # outlines that come so near to a point will pass through it
+        domain.require_touched(parts, slack)
         loose = [
             part
             for part in parts
-            if not any(domain.touches(part, name) for name in (*domain.held, *domain.loaded))
+            if not any(domain.touches(part, name, slack) for name in (*domain.held, *domain.loaded))
             and not domain.contact(part, domain.solids)
         ]
         gone = [p for p in self.solid.geoms if any(part.intersection(p).area > 0.5 * p.area for part in loose)]
         self._without(gone)
         self._note(gone, "part(s) that carry nothing removed: neither a support nor a load is on them")
         for name in domain.loaded:
-            part = next(part for part in parts if domain.touches(part, name))
-            if not any(domain.touches(part, other) for other in domain.held):
+            part = next(part for part in parts if domain.touches(part, name, slack))
+            if not any(domain.touches(part, other, slack) for other in domain.held):
                 x, y = part.representative_point().coords[0]
                 self.notes.append(
                     f"the part under load '{name}', near ({x:.4g}, {y:.4g}), has no support of its own: the medium "
@@ -189,9 +177,6 @@ class _Work:
             self.notes.append(
                 f"{len(pieces)} {what}, the largest near ({x:.4g}, {y:.4g}) with an area of {largest.area:.3g}"
             )
-
-    def _away(self, name: str, parts: Sequence[Any]) -> float:
-        return float(min(part.distance(self.domain.place(name)) for part in parts))
 
 
 def connected(polygons: Sequence[Any], domain: Domain) -> list[Any]:

@@ -21,6 +21,8 @@ Place = tuple[float, float]
 
 # Places are one, and on a line, up to this fraction of the mesh's extent.
 ON = 1e-7
+# Outlines end at least this far from corners, and pass through named points that are as near, in cells.
+MARGIN = 0.6
 # A border turns where the angle between its edges is larger than that of this cosine.
 STRAIGHT = np.cos(np.radians(30.0))
 
@@ -184,12 +186,35 @@ class Domain:
         vertices, counts = np.unique(self.mesh.named_edges[name], return_counts=True)
         return [(x, y) for x, y in self.mesh.points_vx[vertices[counts == 1]].tolist()]
 
-    def touches(self, solid: Any, name: str) -> bool:
-        """Whether a place is on a solid: a point in or on it, edges along it."""
+    def touches(self, solid: Any, name: str, slack: float = 0.0) -> bool:
+        """Whether a place is on a solid: a point in or on it, or off it by some slack; edges along it."""
         place = self.place(name)
         if place.geom_type == "MultiPoint":
-            return bool(solid.distance(place) <= 10.0 * self.tolerance)
+            return bool(solid.distance(place) <= 10.0 * self.tolerance + slack)
         return self.contact(solid, place)
+
+    def require_touched(self, parts: Sequence[Any], slack: float = 0.0) -> None:
+        """Check that something solid is held, if anything is, and that all forces act on something solid.
+
+        Raises:
+            InputError: they do not.
+        """
+
+        def away(name: str) -> float:
+            return float(min(part.distance(self.place(name)) for part in parts))
+
+        remedy = "make the cells there solid in the design (a passive region), or use a lower level"
+        if self.held and not any(self.touches(part, name, slack) for part in parts for name in self.held):
+            nearest = min(self.held, key=away)
+            raise InputError(
+                f"the solid is not connected to a support: '{nearest}' is nearest, {away(nearest):.3g} away from "
+                f"anything solid; {remedy}"
+            )
+        for name in self.loaded:
+            if not any(self.touches(part, name, slack) for part in parts):
+                raise InputError(
+                    f"load: nothing is solid at '{name}', the nearest solid is {away(name):.3g} away: {remedy}"
+                )
 
     def contact(self, one: Any, other: Any) -> bool:
         """Whether two geometries share more than points."""

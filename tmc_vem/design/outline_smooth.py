@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.design.extract_options import ExtractOptions
 from tmc_vem.design.outline import is_closed
-from tmc_vem.design.outline_domain import Domain, Place
+from tmc_vem.design.outline_domain import MARGIN, Domain, Place
 from tmc_vem.support.errors import InputError
 
 Float = NDArray[np.float64]
@@ -20,8 +20,6 @@ Bool = NDArray[np.bool_]
 
 # Distance of points along outlines, and from a border up to which an outline goes straight to it, in cells.
 SPACING, STRAIGHT_ON = 0.5, 0.6
-# Outlines end at least this far from corners, and pass through named points that are as near, in cells.
-MARGIN = 0.6
 # Taubin's weights, which leave long waves alone: there and back.
 THERE, BACK = 0.5, -0.53
 # Lines meet borders at an angle of at least this cosine, and turn by at most that of the second one, or they are cut

@@ -49,15 +49,6 @@ class Change:
     prescribed: Float | None = None
     force_ni: Float | None = None
 
-    def require_cells(self) -> None:
-        """Check that it belongs to cells.
-
-        Raises:
-            InputError: it does not.
-        """
-        if not self.parameters:
-            raise InputError(f"'{self.name}' belongs to no cells: it is that of a load or a support")
-
 
 class Changes:
     """Finds out what numbers of a problem change; all ranks make and use it together.
@@ -175,12 +166,20 @@ class Changes:
         centroid_cx, here_c = self._cells
         values_c = np.zeros(len(centroid_cx))
         here = here_c == region
+        data = {name: values[here] for name, values in self._data.items()}
         try:
-            factor_ck = energy.graded.factors(centroid_cx[here], {})
+            factor_ck = energy.graded.factors(centroid_cx[here], data)
         except InputError as error:
-            raise InputError(f"regions: {region}: {error} (formulas of cell data have no derivatives here)") from None
+            raise InputError(f"regions: {region}: {error}") from None
         values_c[here] = energy.values[parameter] * factor_ck[:, energy.graded.names.index(parameter)]
         return values_c
+
+    @cached_property
+    def _data(self) -> Mapping[str, Float]:
+        """Cell data of the mesh by name, (n_cells,) in this rank's cells; asked for on all ranks together."""
+        whole = from_root(self._system.comm, lambda: dict(self._problem.make_mesh().cell_data))
+        numbers = self._system.cell_numbers()
+        return {name: values[numbers] for name, values in whole.items()}
 
     @cached_property
     def _cells(self) -> tuple[Float, NDArray[np.str_]]:
@@ -229,6 +228,18 @@ class Changes:
         own_ni: Float = total_ni - self._system.external_forces(self._u)  # type: ignore[arg-type]
         self._system.set_position(self._position)
         return own_ni
+
+
+def require_cells(changes: Sequence[Change]) -> list[Change]:
+    """Those that belong to cells, and are not numbers of loads or supports.
+
+    Raises:
+        InputError: none does.
+    """
+    found = [change for change in changes if change.parameters]
+    if changes and not found:
+        raise InputError(f"'{changes[0].name}' belongs to no cells: it is that of a load or a support")
+    return found
 
 
 def parameter_by_name(problem: Problem, name: str) -> tuple[str, str] | None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.energy.mixed import STIFFNESS
 from tmc_vem.problems.base import Problem, with_friction
-from tmc_vem.sensitivity.changes import Change, Changes
+from tmc_vem.sensitivity.changes import Change, Changes, require_cells
 from tmc_vem.sensitivity.equilibrium import Equilibrium
 from tmc_vem.sensitivity.functionals import functional_of
 from tmc_vem.sensitivity.functionals_record import CellParts, Functional
@@ -132,29 +132,26 @@ class Gradients:
         Raises:
             InputError: the number is that of a load or a support, which no cell has.
         """
-        change.require_cells()
-        mine = self._in_cells(self.sensitivity(of), change)
-        numbers = self._system.cell_numbers()
-        total_c = np.zeros(self._system.n_cells_global)
-        for part in self._comm.allgather([(numbers[cells], values) for cells, values in mine]):
-            for cells, values in part:
-                total_c[cells] += values
-        return total_c
+        require_cells([change])
+        return self._of_whole(self._in_cells(self.sensitivity(of), change))
+
+    def by_own_cells(self, of: str | Functional, change: Change) -> Float:
+        """(n_cells,) the same of this rank's cells, which are parts of the mesh's where they are cut into triangles."""
+        values_c = np.zeros(len(self._system.cell_numbers()))
+        for cells, values in self._in_cells(self.sensitivity(of), change):
+            values_c[cells] += values
+        return values_c
 
     def by_stiffness(self, sensitivity: Sensitivity, regions: Sequence[str]) -> Float:
         """(n_cells of the whole mesh,) derivatives of a result by the stiffness of every cell of design regions; 0 in
         other cells. Equal on all ranks."""
-        numbers = self._system.cell_numbers()
-        total_c = np.zeros(self._system.n_cells_global)
-        mine = [
-            (numbers[each.cells], each.values_ck[:, each.names.index(STIFFNESS)])
-            for each in sensitivity.of_cells
-            if each.region in regions
-        ]
-        for part in self._comm.allgather(mine):
-            for cells, values in part:
-                total_c[cells] += values
-        return total_c
+        return self._of_whole(
+            [
+                (each.cells, each.values_ck[:, each.names.index(STIFFNESS)])
+                for each in sensitivity.of_cells
+                if each.region in regions
+            ]
+        )
 
     # -- parts -----------------------------------------------------------------------------------------------------
 
@@ -195,6 +192,16 @@ class Gradients:
         if of not in self._functionals:
             self._functionals[of] = functional_of(of, self._problem, self._system)
         return self._functionals[of]
+
+    def _of_whole(self, mine: Sequence[tuple[Int, Float]]) -> Float:
+        """(n_cells of the whole mesh,) sums of values in cells of all ranks."""
+        numbers = self._system.cell_numbers()
+        n_cells = 1 + max(self._comm.allgather(int(numbers.max(initial=-1))))
+        total_c = np.zeros(n_cells)
+        for part in self._comm.allgather([(numbers[cells], values) for cells, values in mine]):
+            for cells, values in part:
+                np.add.at(total_c, cells, values)
+        return total_c
 
     def _in_cells(self, sensitivity: Sensitivity, change: Change) -> list[tuple[Int, Float]]:
         """Cells of this rank and their shares (n_cells,) of the derivative."""

@@ -5,6 +5,25 @@
 
 enum { STEP = sizeof(state) / sizeof(vec) }; /* how far apart states are */
 
+static void add_to_nodes(const tmc_batch *batch, int64_t first_cell, const vec *R_ai, double *residual_ni) {
+  for (int v = 0; v < LANES && first_cell + v < batch->n_cells; ++v) {
+    const int32_t *nodes_a = batch->nodes_ca + (first_cell + v) * batch->n_basis;
+    for (int a = 0; a < batch->n_basis; ++a)
+      for (int i = 0; i < 2; ++i) residual_ni[2 * (int64_t)nodes_a[a] + i] += ((const_lanes)R_ai)[2 * a + i][v];
+  }
+}
+
+/* Energies and smallest J of the cells; the first cell with J <= 0 becomes ``inadmissible`` if there was none. */
+static void store_energies(const tmc_batch *batch, int64_t first_cell, const vec *energy, const vec *min_j,
+                           double *energy_c, double *min_j_c, int64_t *inadmissible) {
+  for (int v = 0; v < LANES && first_cell + v < batch->n_cells; ++v) {
+    const int64_t c = first_cell + v;
+    energy_c[c] = ((const double *)energy)[v];
+    min_j_c[c] = ((const double *)min_j)[v];
+    if (*inadmissible < 0 && !(min_j_c[c] > 0.0)) *inadmissible = c;
+  }
+}
+
 /* The transposed way for ``rows`` basis functions: R_ai += sum_mx C_xma T_mxi. */
 ALWAYS_INLINE void node_rows(const int rows, const int n_x, int n_m, int n_basis, const vec *C_xma, const vec *T_mxi,
                              vec *R_ai) {

@@ -176,27 +176,8 @@ static void gather_nodes(const tmc_batch *batch, int64_t first_cell, const doubl
   }
 }
 
-static void add_to_nodes(const tmc_batch *batch, int64_t first_cell, const vec *R_ai, double *residual_ni) {
-  for (int v = 0; v < LANES && first_cell + v < batch->n_cells; ++v) {
-    const int32_t *nodes_a = batch->nodes_ca + (first_cell + v) * batch->n_basis;
-    for (int a = 0; a < batch->n_basis; ++a)
-      for (int i = 0; i < 2; ++i) residual_ni[2 * (int64_t)nodes_a[a] + i] += ((const_lanes)R_ai)[2 * a + i][v];
-  }
-}
-
 /* ---- States at points ---- */
 
 typedef struct {
   vec x[N_X], psi, g[N_X];
 } state;
-
-/* Energies and smallest J of the cells; the first cell with J <= 0 becomes ``inadmissible`` if there was none. */
-static void store_energies(const tmc_batch *batch, int64_t first_cell, const vec *energy, const vec *min_j,
-                           double *energy_c, double *min_j_c, int64_t *inadmissible) {
-  for (int v = 0; v < LANES && first_cell + v < batch->n_cells; ++v) {
-    const int64_t c = first_cell + v;
-    energy_c[c] = ((const double *)energy)[v];
-    min_j_c[c] = ((const double *)min_j)[v];
-    if (*inadmissible < 0 && !(min_j_c[c] > 0.0)) *inadmissible = c;
-  }
-}
