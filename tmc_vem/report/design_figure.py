@@ -18,7 +18,9 @@ DENSITIES, SOLID, MEDIUM = "Greys", "#4a7ab5", "#fdfdf5"  # of the design, and o
 REST = 1500  # milliseconds that the last design stays longer
 
 
-def densities_figure(polygons: Polygons, density_c: Float, title: str = "", displacement_ni: Float | None = None) -> Any:
+def densities_figure(
+    polygons: Polygons, density_c: Float, title: str = "", displacement_ni: Float | None = None
+) -> Any:
     """Densities from 0, white, to 1, black; cells that are not designed in colours of their own.
 
     Args:
