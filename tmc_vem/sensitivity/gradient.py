@@ -57,6 +57,7 @@ class Sensitivity:
         by_prescribed: (n,) derivatives by what is prescribed at this rank's constrained degrees of freedom.
         by_forces: derivatives by forces at the nodes, a vector of the system.
         of_cells: derivatives by parameters in this rank's cells.
+        reads_loads: whether the result depends on the numbers of loads besides.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Sensitivity:
     by_prescribed: Float
     by_forces: Vec
     of_cells: Sequence[OfCells]
+    reads_loads: bool = False
 
 
 class Gradients:
@@ -123,7 +125,8 @@ class Gradients:
         if change.force_ni is not None:
             mine += float((self._along(sensitivity.by_forces) * change.force_ni).sum())
         total = float(sum(self._comm.allgather(mine)))
-        return total + (self._explicit(of, change) if change.force_ni is not None else 0.0)
+        is_load = change.force_ni is not None or change.prescribed is not None
+        return total + (self._explicit(of, change) if is_load and sensitivity.reads_loads else 0.0)
 
     def by_cells(self, of: str | Functional, change: Change) -> Float:
         """(n_cells of the whole mesh,) derivatives of a result by a number, changed in one cell at a time; 0 in cells
@@ -185,8 +188,9 @@ class Gradients:
         if derivative.by_forces is not None:
             by_forces.axpy(1.0, derivative.by_forces)
         return Sensitivity(
-            name, derivative.value, float(per_load), adjoint.field, adjoint.by_prescribed, by_forces, cells
-        )
+            name, derivative.value, float(per_load), adjoint.field, adjoint.by_prescribed, by_forces, cells,
+            derivative.reads_loads,
+        )  # fmt: skip
 
     def _functional(self, of: str | Functional) -> Functional:
         if of not in self._functionals:
@@ -216,7 +220,7 @@ class Gradients:
         return shares
 
     def _explicit(self, of: str | Functional, change: Change) -> float:
-        """What a result changes by with forces while nothing moves: of works of forces."""
+        """What a result changes by with loads while nothing moves: work of forces, a centre that moments are about."""
         state = self.equilibrium.state
 
         def value(v: float) -> Float:
