@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers_mesh import grid, hanging, mesh_of, non_convex, voronoi
 
-from tmc_vem.design.filters import cone_filter, density_filter, helmholtz_filter
+from tmc_vem.design.filters import Within, cone_filter, density_filter, helmholtz_filter
 from tmc_vem.design.masks import centroids_and_areas, in_box, in_circle, in_regions
 from tmc_vem.design.triangulation import triangulate
 from tmc_vem.support.errors import InputError
@@ -149,3 +149,15 @@ def test_a_cone_that_does_not_fit(monkeypatch):
     monkeypatch.setattr("tmc_vem.design.filters.MOST_NEIGHBOURS", 80)
     with pytest.raises(InputError, match=r"radius 9 .* covers 9 cells around each of 9"):
         cone_filter(grid(3, 3), np.arange(9), 9.0)
+
+
+def test_void_is_no_part_of_a_filter() -> None:
+    """Cells that stay void keep 0, and a solid beside them keeps 1."""
+    mesh = grid(6, 4)
+    void_c = np.arange(mesh.n_cells) % 6 == 2
+    of = Within(density_filter("cone", mesh, np.flatnonzero(~void_c), 0.4), ~void_c)
+    x_c = np.where(void_c, 0.0, 1.0)
+    assert np.abs(of.forward(x_c) - x_c).max() < 1e-14
+    rng = np.random.default_rng(0)
+    a_c, b_c = rng.normal(size=(2, mesh.n_cells))
+    assert of.forward(a_c) @ b_c == pytest.approx(a_c @ of.backward(b_c), rel=1e-13)

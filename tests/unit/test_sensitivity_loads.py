@@ -124,7 +124,10 @@ def test_inclined_supports(method: str) -> None:
     ("text", "more"),
     [
         (GRADED, ("regions.foot.solid.nu", "foot.mu", "medium.gamma")),
-        (DESIGN, ("regions.foot.stiffness", "foot.stiffness", "regions.foot.medium.gamma", "regions.foot.medium.alpha")),
+        (
+            DESIGN,
+            ("regions.foot.stiffness", "foot.stiffness", "regions.foot.medium.gamma", "regions.foot.medium.alpha"),
+        ),
     ],
     ids=["graded", "design"],
 )

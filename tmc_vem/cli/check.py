@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,8 +14,11 @@ from tmc_vem.cli.shared_options import change_option
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.support.assignments import parse_changes
 from tmc_vem.support.errors import InputError, TmcError
+from tmc_vem.support.validation import printable
 
 if TYPE_CHECKING:
+    from tmc_vem.design.checkup import DesignCheckup
+    from tmc_vem.problems.own import OwnProblem
     from tmc_vem.simulation.checkup import Checkup
 
 # Corners that are listed; the picture has all.
@@ -57,16 +61,22 @@ def check_file(
 
     picture = None if no_picture else _picture(file, output)
     problem, options = read_problem(file, parse_changes(changes))
-    found = check(problem, dataclasses.replace(options, method=method or options.method))
+    options = dataclasses.replace(options, method=method or options.method)
+    found = check(problem, options)
+    design = _design(problem, options)
+    if design is not None:
+        found = dataclasses.replace(found, cautions=(*found.cautions, *design.cautions))
     if picture is not None:
         try:
             found.figure().savefig(picture, dpi=150)
         except OSError as error:
             raise InputError(f"--output {picture} cannot be written: {error.strerror or error}") from None
     if as_json:
-        click.echo(json.dumps({**found.as_dict(), "picture": None if picture is None else str(picture)}, indent=2))
+        more = {} if design is None else {"design": design.as_dict()}
+        drawn = {"picture": None if picture is None else str(picture)}
+        click.echo(json.dumps({**found.as_dict(), **more, **drawn}, indent=2))
     else:
-        click.echo("\n".join(summary(found)))
+        click.echo("\n".join(summary(found, () if design is None else design.lines())))
         if picture is not None:
             click.echo(f"picture: {picture}")
     n = len(found.cautions)
@@ -74,10 +84,19 @@ def check_file(
         raise TmcError(f"{n} caution{'s' if n > 1 else ''}, and --strict allows none")
 
 
-def summary(found: Checkup) -> list[str]:
-    """What was found, in lines."""
-    from tmc_vem.support.validation import printable
+def _design(problem: OwnProblem, options: RunOptions) -> DesignCheckup | None:
+    """What there is to say about the table [design], if there is one."""
+    if problem.table.design is None:
+        return None
+    from tmc_vem.cli.execute import start_petsc
+    from tmc_vem.design.checkup import check_design
 
+    start_petsc("", clean_stdout=True)
+    return check_design(problem, options)
+
+
+def summary(found: Checkup, of_design: Sequence[str] = ()) -> list[str]:
+    """What was found, in lines, those of a design among them."""
     unit = found.problem.units()
     length = f" {unit.length}" if unit.declared else ""
     lines = [
@@ -89,6 +108,7 @@ def summary(found: Checkup) -> list[str]:
         *_loads(found, length),
         *_probes(found, length),
         *_corners(found),
+        *of_design,
         *([f"cautions: {len(found.cautions)}"] if found.cautions else ["cautions: none"]),
         *(f"  {text}" for text in found.cautions),
     ]
@@ -106,9 +126,15 @@ def _regions(found: Checkup, length: str) -> list[str]:
         lines += [
             f"  {region.name}: {region.n_cells} cells of size {region.smallest:.3g} to {region.largest:.3g}{length}, "
             f"{2 * region.n_nodes} degrees of freedom, area {region.area:.4g}",
-            f"    {'third medium' if of['medium'] else 'solid'}, energy '{of['energy']}': {values or 'no parameters'}",
+            f"    {_kind(of)}, energy '{of['energy']}': {values or 'no parameters'}",
         ]
     return lines
+
+
+def _kind(of: Mapping[str, Any]) -> str:
+    if of.get("design"):
+        return "design region, a solid in third medium"
+    return "third medium" if of["medium"] else "solid"
 
 
 def _gaps(found: Checkup, length: str) -> list[str]:

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from tmc_vem.results.design_run import DesignRun
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import printable
+
+if TYPE_CHECKING:
+    from tmc_vem.report.page import Table as PageTable
 
 # longer values make no column
 WIDEST = 24
@@ -27,7 +32,9 @@ IMPORTANT = (
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON, and nothing else.")
 @click.option("--csv", "as_csv", is_flag=True, help="Print every input and result as CSV, and nothing else.")
 def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
-    """Show all runs below a directory with the inputs in which they differ, and their results. Examples:
+    """Show all runs below a directory with the inputs in which they differ, and their results.
+
+    Searches for designs have a table of their own. Examples:
 
     \b
       tmc-vem list runs
@@ -37,8 +44,8 @@ def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from tmc_vem.cli.columns import WHOLE, plain
-    from tmc_vem.report.overview import find_runs
+    from tmc_vem.cli.columns import WHOLE, plain, show_table
+    from tmc_vem.report.overview import find_designs, find_runs
     from tmc_vem.report.tables import count, differing, number, reached, runs_csv
 
     if as_json and as_csv:
@@ -52,8 +59,15 @@ def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
     if as_csv:
         click.echo(runs_csv(runs), nl=False)
         return
-    if not runs:
+    designs, others = find_designs(directory)
+    for message in others:
+        click.echo(f"tmc-vem: {printable(message)}", err=True)
+    if not runs and not designs:
         click.echo(f"no runs below {directory}")
+        return
+    if designs:
+        show_table(_of_designs(designs))
+    if not runs:
         return
     differ, values = differing(runs)
     columns = [Column(name, [row[n] for row in values.values()]) for n, name in enumerate(differ)]
@@ -80,6 +94,22 @@ def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
     (console if console.is_terminal else Console(width=WHOLE)).print(table)
     if left_out := [column.heading for column in columns if column not in shown]:
         click.echo(f"not shown, the terminal is too narrow: {', '.join(left_out)}; --csv has all")
+
+
+def _of_designs(designs: Mapping[str, DesignRun]) -> PageTable:
+    """A row for every search for a design."""
+    from tmc_vem.report.page import Table
+
+    head = ("design", "problem", "objective", "volume", "feasible", "converged", "evaluations", "time (s)")
+    rows = [
+        [
+            name, run.problem, f"{run.of} = {run.objective:.5g}", f"{run.volume:.4g}",
+            "yes" if run.feasible else "NO", "yes" if run.converged else "no", str(run.evaluations),
+            f"{run.seconds['total']:.1f}",
+        ]
+        for name, run in designs.items()
+    ]  # fmt: skip
+    return Table("Searches for a design.", head, rows)
 
 
 def _doubts(run: RunResult) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.design.evaluation import Evaluation
-from tmc_vem.design.filters import density_filter
+from tmc_vem.design.filters import Filter, Within, density_filter
 from tmc_vem.design.interpolation import Interpolation, Ramp, Simp
 from tmc_vem.design.load_case import SAME, LoadCase, Solved
 from tmc_vem.design.masks import in_box, in_circle, in_regions
@@ -29,6 +29,7 @@ from tmc_vem.support.parallel import from_root
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
+Int = NDArray[np.int64]
 
 CELLS_OF_FILTER = 3.0  # its default radius in sizes of cells
 # Evaluations after which the load is applied from the beginning too, so that the branch is known to be that of loading.
@@ -251,9 +252,17 @@ def _parametrisation(problem: OwnProblem, table: DesignTable, mesh: PolygonMesh)
         solid_c=passive["solid"],
         void_c=passive["void"],
         mirrors=[Mirror(axis, at) for axis, at in table.symmetry.items()],
-        filter_of=None if radius is None else density_filter(table.filter.kind, mesh, cells, radius),
+        filter_of=None if radius is None else _filter(table.filter.kind, mesh, cells, passive["void"][cells], radius),
         interpolation=law,
     )
+
+
+def _filter(kind: str, mesh: PolygonMesh, cells: Int, void_c: Bool, radius: float) -> Filter:
+    """The filter of the cells of a design, without those that stay void: what ends at them has a sharp edge there, as
+    what ends at the border of the design."""
+    if not void_c.any():
+        return density_filter(kind, mesh, cells, radius)
+    return Within(density_filter(kind, mesh, cells[~void_c], radius), ~void_c)
 
 
 def _passive(mesh: PolygonMesh, tables: list[PassiveTable]) -> Bool:

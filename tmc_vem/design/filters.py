@@ -24,6 +24,7 @@ from tmc_vem.support.validation import require_choice, require_positive
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 
 MOST_NEIGHBOURS = 50_000_000  # entries of a cone filter's matrix: 600 MB
 HOW_LONG = "give a length of a few cells"
@@ -50,6 +51,31 @@ class NoFilter:
     def backward(self, dv_dy_c: Float) -> Float:
         """dv/dy (n_cells,)."""
         return dv_dy_c.copy()
+
+
+@dataclass(frozen=True)
+class Within:
+    """A filter over some cells; the others keep their densities, and nothing of them is in the filtered ones.
+
+    Attributes:
+        filter: over the cells within, in their order.
+        inside_c: (n_cells,) which those are.
+    """
+
+    filter: Filter
+    inside_c: Bool
+
+    def forward(self, x_c: Float) -> Float:
+        """Filtered within, as they are without (n_cells,)."""
+        y_c = x_c.copy()
+        y_c[self.inside_c] = self.filter.forward(x_c[self.inside_c])
+        return y_c
+
+    def backward(self, dv_dy_c: Float) -> Float:
+        """A^T dv/dy (n_cells,)."""
+        slope_c = dv_dy_c.copy()
+        slope_c[self.inside_c] = self.filter.backward(dv_dy_c[self.inside_c])
+        return slope_c
 
 
 @dataclass(frozen=True)

@@ -145,9 +145,9 @@ def _note_wrong_signs(evaluation: Evaluation) -> bool:
     wrong = evaluation.gradient > ROUNDING * np.abs(evaluation.gradient).max()
     if not wrong.any():
         return False
-    notes.say(
-        f"the objective grows with {wrong.sum()} of {len(wrong)} variables, which optimality criteria take as gaining "
-        "nothing: method 'mma' has no such limit",
+    notes.say(  # the same words each time, as it need be said only once
+        "the objective grows with some variables, which optimality criteria take as gaining nothing: method 'mma' has "
+        "no such limit",
         stacklevel=4,
     )
     return True

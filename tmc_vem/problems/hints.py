@@ -22,6 +22,7 @@ from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.rigid import without_rounding
 from tmc_vem.problems.base import RegionEnergy
 from tmc_vem.problems.conditions import held_components, vertices_at
+from tmc_vem.problems.design_region import design_regions
 from tmc_vem.system.constraints import Condition
 from tmc_vem.system.control import Control
 
@@ -101,7 +102,9 @@ def hints(
     scene = _Scene(mesh, regions, prescribed, tuple(loads), is_medium)
     if not len(scene.sides):
         return []
-    return [*scene.flush_ends(), *scene.sharp_corners(), *scene.short_media(), *scene.thin_gaps()]
+    found = [*scene.flush_ends(), *scene.sharp_corners(), *scene.short_media(), *scene.thin_gaps()]
+    designs = design_regions(regions)  # whether there will be a gap is not known
+    return [hint for hint in found if hint.regions[0] not in designs]
 
 
 def likely(found: Iterable[Hint]) -> list[str]:

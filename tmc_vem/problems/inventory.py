@@ -14,6 +14,7 @@ from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.rigid import part_numbers, without_rounding
 from tmc_vem.problems.base import RegionEnergy
 from tmc_vem.problems.conditions import vertices_at
+from tmc_vem.problems.design_region import design_regions
 from tmc_vem.problems.hints import SHARP
 from tmc_vem.system.constraints import COMPONENTS, Condition, Prescribed, PrescribedAcross, PrescribedRotation
 from tmc_vem.system.forces import BodyForce, CavityPressure, FollowerPressure, Force, PointForce, Spring, Traction
@@ -179,7 +180,7 @@ def parts(
     prescribed: Sequence[Condition],
     forces: Sequence[Force] = (),
 ) -> list[Part]:
-    """The solids that hang together, and what holds and loads them."""
+    """The solids and designs that hang together, and what holds and loads them."""
     part_c = part_numbers(mesh, ~_media(mesh, regions))
     of = [(each, vertices_loaded(mesh, each)) for each in (*prescribed, *forces)]
     found = []
@@ -226,8 +227,9 @@ def sharp_corners(mesh: PolygonMesh, regions: Mapping[str, RegionEnergy]) -> lis
 
 
 def _media(mesh: PolygonMesh, regions: Mapping[str, RegionEnergy]) -> Bool:
-    """(n_cells,) which cells are medium."""
-    of_cells: Bool = np.array([regions[name].is_medium for name in mesh.region_names])[mesh.region_c]
+    """(n_cells,) which cells are medium and nothing else: those of a design are a body that can be anywhere in it."""
+    media = {name for name, of in regions.items() if of.is_medium} - set(design_regions(regions))
+    of_cells: Bool = np.array([name in media for name in mesh.region_names])[mesh.region_c]
     return of_cells
 
 

@@ -18,7 +18,9 @@ DENSITIES, SOLID, MEDIUM = "Greys", "#4a7ab5", "#fdfdf5"  # of the design, and o
 REST = 1500  # milliseconds that the last design stays longer
 
 
-def density_figure(polygons: Polygons, density_c: Float, title: str = "", displacement_ni: Float | None = None) -> Any:
+def densities_figure(
+    polygons: Polygons, density_c: Float, title: str = "", displacement_ni: Float | None = None
+) -> Any:
     """Densities from 0, white, to 1, black; cells that are not designed in colours of their own.
 
     Args:
@@ -46,7 +48,7 @@ def density_figure(polygons: Polygons, density_c: Float, title: str = "", displa
 
 def deformed_figure(fields: Fields, title: str = "") -> Any:
     """Densities on the deformed cells of a state, which has them as ``density`` of its cells."""
-    return density_figure(fields.polygons, fields.cell_fields["density"], title, fields.displacement_ni)
+    return densities_figure(fields.polygons, fields.cell_fields["density"], title, fields.displacement_ni)
 
 
 def history_figure(rows: Sequence[Mapping[str, str]], objective: str, limits: Sequence[str]) -> Any:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.report.design_figure import animate_designs, deformed_figure, density_figure, history_figure
+from tmc_vem.report.design_figure import animate_designs, deformed_figure, densities_figure, history_figure
 from tmc_vem.report.page import Block, Entry, Page, Section, Table, Text, Warnings, picture
 from tmc_vem.report.tables import flat
 from tmc_vem.report.write import write_page
@@ -55,7 +55,7 @@ def figures(
     columns = list(rows[0]) if rows else []
     limits = [name for name in columns if name.startswith(LIMIT) and name != f"{LIMIT}volume"]
     title = f"{run.problem}: {run.of} {run.objective:.5g}, volume {run.volume:.4g}"
-    found: dict[str, Any] = {PICTURE: density_figure(polygons, density_c, title)}
+    found: dict[str, Any] = {PICTURE: densities_figure(polygons, density_c, title)}
     for case, of in fields.items():
         name = f"{DEFORMED}-{case}.png" if case else f"{DEFORMED}.png"
         found[name] = deformed_figure(of, f"{run.problem}{', ' if case else ''}{case}, at full load")

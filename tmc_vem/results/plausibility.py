@@ -49,9 +49,10 @@ class Evidence:
         history: its converged steps.
         checks: what the deformed solids look like at the end, see
             :class:`tmc_vem.results.contact.contact.ContactReport`.
-        media: names of the regions that are third medium.
+        media: names of the regions that are third medium and nothing else.
         size: of the domain.
         complete: whether the last step is the end of the path, so that its reaction is the one that is quoted.
+        designs: names of design regions, in which a solid is in medium: what they resist with is no fault of a medium.
     """
 
     inputs: Mapping[str, Any]
@@ -60,6 +61,7 @@ class Evidence:
     media: Sequence[str]
     size: float
     complete: bool = True
+    designs: Sequence[str] = ()
 
     @property
     def last(self) -> StepRecord | None:
@@ -74,7 +76,7 @@ class Evidence:
 
     def squeezed(self, record: StepRecord) -> bool:
         """Whether the medium is squeezed somewhere."""
-        return any(record.min_j[name] < UNSQUEEZED for name in self.media)
+        return any(record.min_j[name] < UNSQUEEZED for name in (*self.media, *self.designs))
 
     def in_medium(self, record: StepRecord) -> float:
         """Energy of the medium."""
@@ -251,8 +253,9 @@ def inverted(evidence: Evidence) -> Iterable[Finding]:
 def jacobians(evidence: Evidence) -> Iterable[Finding]:
     """Cells that are as good as inverted, solids first."""
     last = evidence.last
-    for name, value in sorted(last.min_j.items(), key=lambda item: item[0] in evidence.media) if last else ():
-        limit = SMALLEST_MEDIUM_J if name in evidence.media else SMALLEST_SOLID_J
+    media = {*evidence.media, *evidence.designs}
+    for name, value in sorted(last.min_j.items(), key=lambda item: item[0] in media) if last else ():
+        limit = SMALLEST_MEDIUM_J if name in media else SMALLEST_SOLID_J
         if value < limit:
             yield Finding(
                 WARNING, f"smallest J in region '{name}' is {value:.2g}, below {limit:g}: use smaller cells there"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tmc_vem.problems.base import Problem
 from tmc_vem.results.records import PROBLEM, StepRecord
 from tmc_vem.results.run_result import RunResult
-from tmc_vem.sensitivity.changes import Changes
+from tmc_vem.sensitivity.changes import Changes, require_cells
 from tmc_vem.sensitivity.equilibrium import Equilibrium
 from tmc_vem.sensitivity.functionals import Functionals
 from tmc_vem.sensitivity.functionals_record import Functional
@@ -76,7 +76,7 @@ class Sensitivities:
         Raises:
             InputError: there is no such result, or it has no derivative.
         """
-        return self.gradients.sensitivity(of).per_load
+        return self.gradients.per_load(of)
 
     def gradient(self, of: str | Functional, by: str, *, per_cell: bool = False) -> float | Float:
         """Derivative of a result with respect to a number of the problem.
@@ -159,7 +159,7 @@ def solved(
     Args:
         problem, options: what to solve, and how.
         of, by: names of results and numbers; those that are wrong are found before anything is solved.
-        in_cells: whether derivatives in cells will be asked for, so that the numbers have to belong to some.
+        in_cells: whether derivatives in cells will be asked for, so that a number has to belong to some.
         comm: ranks; all by default.
         monitor: hears about the run.
 
@@ -175,10 +175,9 @@ def solved(
         functionals.of(name)
     u = system.create_vector()
     changes = Changes(problem, system, u, Control(0.0))
-    for name in by:
-        change = changes.by(name)
-        if in_cells:
-            change.require_cells()
+    found = [changes.by(name) for name in by]
+    if in_cells:
+        require_cells(found)
     for _ in system.parameter_derivatives(u):
         break
     result = simulation.go()

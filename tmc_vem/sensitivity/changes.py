@@ -49,15 +49,6 @@ class Change:
     prescribed: Float | None = None
     force_ni: Float | None = None
 
-    def require_cells(self) -> None:
-        """Check that it belongs to cells.
-
-        Raises:
-            InputError: it does not.
-        """
-        if not self.parameters:
-            raise InputError(f"'{self.name}' belongs to no cells: it is that of a load or a support")
-
 
 class Changes:
     """Finds out what numbers of a problem change; all ranks make and use it together.
@@ -243,6 +234,18 @@ class Changes:
         own_ni: Float = total_ni - self._system.external_forces(self._u)  # type: ignore[arg-type]
         self._system.set_position(self._position)
         return own_ni
+
+
+def require_cells(changes: Sequence[Change]) -> list[Change]:
+    """Those that belong to cells, and are not numbers of loads or supports.
+
+    Raises:
+        InputError: none does.
+    """
+    found = [change for change in changes if change.parameters]
+    if changes and not found:
+        raise InputError(f"'{changes[0].name}' belongs to no cells: it is that of a load or a support")
+    return found
 
 
 def parameter_by_name(problem: Problem, name: str) -> tuple[str, str] | None:

@@ -14,6 +14,7 @@ from tmc_vem.report.sensitivity_figure import Panel, sensitivity_figure
 from tmc_vem.results.output import gather_fields
 from tmc_vem.results.vtu import VtuWriter
 from tmc_vem.sensitivity.at_end import Sensitivities
+from tmc_vem.sensitivity.changes import require_cells
 from tmc_vem.sensitivity.units import OF_KIND, of_number, of_result
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.parallel import on_root
@@ -59,29 +60,27 @@ class CellSensitivities:
 
 
 def per_cell(found: Sensitivities, of: Sequence[str], by: Sequence[str]) -> CellSensitivities | None:
-    """Derivatives of each result by each number in every cell; on rank 0, None elsewhere.
+    """Derivatives of each result by each number in every cell, those of loads left out; on rank 0, None elsewhere.
 
     Raises:
-        InputError: there is no such result or number, no derivative, or the number belongs to no cells.
+        InputError: there is no such result or number, no derivative, or all numbers are those of loads and supports.
     """
     gradients, problem = found.gradients, found.problem
     system, u = gradients.equilibrium.system, gradients.equilibrium.state.u
-    changes = {name: gradients.by(name) for name in by}
-    for change in changes.values():
-        change.require_cells()
+    changes = {change.name: change for change in require_cells([gradients.by(name) for name in by])}
     mine = {(a, b): gradients.by_own_cells(a, change) for b, change in changes.items() for a in of}
     parts = system.comm.gather((system.cell_areas(), mine))
     fields = gather_fields(system, u, media_of(problem))
     if fields is None or parts is None:
         return None
     area_c = np.concatenate([area for area, _ in parts])
-    short, units = short_names(by), problem.units()
+    short, units = short_names(list(changes)), problem.units()
     region_names = np.array(fields.polygons.region_names)[fields.polygons.region_c]
     cell_fields: dict[str, Float] = {}
     words: dict[str, str] = {}
     panels: list[Panel] = []
     for a in of:
-        for b in by:
+        for b in changes:
             name, value_c = f"d({a})/d({short[b]})", np.concatenate([values[a, b] for _, values in parts])
             of_value, of_change = of_result(a, problem), of_number(b, problem)
             unit = of_value.over(of_change) if of_value and of_change and units.declared else None

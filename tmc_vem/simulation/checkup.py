@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.energy import MEDIA, REGULARISERS, energy_name
+from tmc_vem.energy.mixed import STIFFNESS
 from tmc_vem.mesh.locate import TOLERANCE, find_cells
 from tmc_vem.mesh.make.split import split_quadrilaterals
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.base import Problem, forces_of, media_of
+from tmc_vem.problems.design_region import UniformStiffness, design_regions
 from tmc_vem.problems.examine import examine
 from tmc_vem.problems.hints import THIN, hints
 from tmc_vem.problems.inventory import (
@@ -262,12 +264,18 @@ def _too_few(gap: Width) -> str:
 
 def _materials(problem: Problem) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
+    designs = design_regions(problem.regions())
     for name, region in problem.regions().items():
-        found[name] = {"energy": region.energy.name, "medium": region.is_medium}
+        is_design = name in designs
+        found[name] = {"energy": region.energy.name, "medium": region.is_medium and not is_design}
+        if is_design:
+            found[name]["design"] = True
         if region.moduli is not None:
             K, mu, nu = region.moduli.K, region.moduli.mu, region.moduli.nu
             found[name] |= {"K": K, "mu": mu, "E": 2.0 * mu * (1.0 + nu), "nu": nu}
         found[name]["parameters"] = dict(region.values)
+        if isinstance(region.graded, UniformStiffness):
+            found[name]["parameters"][STIFFNESS] = region.graded.value
         if (friction := region.friction) is not None:
             found[name]["friction"] = {"friction": friction.coefficient, "elastic_slip": friction.elastic_slip}
     return found
@@ -288,7 +296,8 @@ def _has_own_energy(problem: Problem) -> bool:
     """Whether a region has an energy that is none of the program's."""
     return any(
         region.material is None and region.energy.name.removesuffix("_log_j") not in KNOWN
-        for region in problem.regions().values()
+        for name, region in problem.regions().items()
+        if name not in design_regions(problem.regions())
     )
 
 

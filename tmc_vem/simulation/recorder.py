@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem, media_of, with_friction
+from tmc_vem.problems.design_region import design_regions
 from tmc_vem.results.contact.contact import check_contact
 from tmc_vem.results.contact.curves import ContactCurves
 from tmc_vem.results.contact_files import collect, write_last, write_snapshot
@@ -335,8 +336,9 @@ class Recorder:
                 self._draw(fields, self.directory.path / PICTURE)
         history = self.history
         linear = {"solver": solver, "ordering": outcome.ordering, "linear_iterations": outcome.linear_iterations}
-        media = media_of(self.problem)
-        evidence = Evidence(self.inputs, history, checks, media, self.system.size, outcome.complete)
+        designs = design_regions(self.problem.regions())
+        media = [name for name in media_of(self.problem) if name not in designs]
+        evidence = Evidence(self.inputs, history, checks, media, self.system.size, outcome.complete, designs)
         doubts = findings_of(evidence)
         limit, effort = None, self.lowered.iterations(self.descending)
         if lowering is not None:
