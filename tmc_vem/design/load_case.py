@@ -172,6 +172,8 @@ class LoadCase:
         assert self.u is not None
         assert self.stiffness_c is not None
         before_c1 = self._mine(self.stiffness_c)
+        if self._end.parameters:  # a load that could not be applied may have left others
+            self.system.set_parameters(self._end.parameters)
         u, moved = self.u.copy(), self.u.duplicate()
         for part in range(1, parts + 1):
             between_c1 = before_c1 + (part / parts) * (stiffness_c1 - before_c1)
