@@ -105,8 +105,11 @@ def test_inclined_supports(method: str) -> None:
 @pytest.mark.parametrize(
     ("text", "more"),
     [
-        (GRADED, ("regions.foot.solid.nu",)),
-        (DESIGN, ("regions.foot.stiffness", "regions.foot.medium.gamma", "regions.foot.medium.alpha")),
+        (GRADED, ("regions.foot.solid.nu", "foot.mu", "medium.gamma")),
+        (
+            DESIGN,
+            ("regions.foot.stiffness", "foot.stiffness", "regions.foot.medium.gamma", "regions.foot.medium.alpha"),
+        ),
     ],
     ids=["graded", "design"],
 )

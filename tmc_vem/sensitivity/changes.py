@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, media_of, stages_of
 from tmc_vem.problems.own import OwnProblem
-from tmc_vem.sensitivity.numbers import rate, value_of, with_value
+from tmc_vem.sensitivity.numbers import nearby, rate, value_of, with_value
 from tmc_vem.support.assignments import keys
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.parallel import from_root
@@ -75,7 +75,10 @@ class Changes:
             value = self._position.parameters.get(
                 parameter_of(region, parameter), self._regions[region].values[parameter]
             )
-            return Change(name, value, {region: {parameter: 1.0}})
+            slope: float | Float = 1.0
+            if self._varies(region, parameter):
+                slope = self._factors(self._regions[region], region, parameter)
+            return Change(name, value, {region: {parameter: slope}})
         value = value_of(self._problem, name)
         self._check_place(name)
         change = Change(
@@ -110,9 +113,8 @@ class Changes:
         """Whether a mesh differs with a number."""
 
         def differs() -> bool:
-            value = value_of(self._problem, name)
             try:
-                other = with_value(self._problem, name, 1.001 * value).make_mesh().points_vx
+                other = nearby(self._problem, name, value_of(self._problem, name)).make_mesh().points_vx
             except InputError:  # a number of cells, say
                 return True
             points = self._problem.make_mesh().points_vx
@@ -154,25 +156,34 @@ class Changes:
 
     def _value(self, energy: RegionEnergy, region: str, parameter: str) -> float | Float:
         if self._varies(region, parameter):
-            return self._in_cells(energy, region, parameter)
+            return energy.values[parameter] * self._factors(energy, region, parameter)
         return energy.values[parameter]
 
     def _at(self, name: str, value: float) -> Mapping[str, RegionEnergy]:
-        return with_value(self._problem, name, value).regions()
+        """Regions with another value of a number.
 
-    def _in_cells(self, energy: RegionEnergy, region: str, parameter: str) -> Float:
-        """(n_cells,) values of a parameter that varies, in this rank's cells of a region; 0 in others."""
+        Raises:
+            InputError: one of them has another energy then, such as a medium that is damped.
+        """
+        changed = with_value(self._problem, name, value).regions()
+        for region, of in self._regions.items():
+            if changed[region].energy.parameters != of.energy.parameters:
+                raise InputError(f"region '{region}' has another energy with other values")
+        return changed
+
+    def _factors(self, energy: RegionEnergy, region: str, parameter: str) -> Float:
+        """(n_cells,) what a parameter that varies is multiplied with in this rank's cells of a region; 0 in others."""
         assert energy.graded is not None
         centroid_cx, here_c = self._cells
-        values_c = np.zeros(len(centroid_cx))
+        factor_c = np.zeros(len(centroid_cx))
         here = here_c == region
         data = {name: values[here] for name, values in self._data.items()}
         try:
             factor_ck = energy.graded.factors(centroid_cx[here], data)
         except InputError as error:
             raise InputError(f"regions: {region}: {error}") from None
-        values_c[here] = energy.values[parameter] * factor_ck[:, energy.graded.names.index(parameter)]
-        return values_c
+        factor_c[here] = factor_ck[:, energy.graded.names.index(parameter)]
+        return factor_c
 
     @cached_property
     def _data(self) -> Mapping[str, Float]:
@@ -193,7 +204,7 @@ class Changes:
 
     def _of_prescribed(self, name: str, value: float) -> Float | None:
         before = tuple(self._problem.prescribed())
-        other = tuple(with_value(self._problem, name, value + 1e-3 * (abs(value) or 1.0)).prescribed())
+        other = tuple(nearby(self._problem, name, value).prescribed())
         if before == other:
             return None
         if stages_of(self._problem):
@@ -215,7 +226,7 @@ class Changes:
 
     def _of_forces(self, name: str, value: float) -> Float | None:
         before = tuple(forces_of(self._problem))
-        other = tuple(forces_of(with_value(self._problem, name, value + 1e-3 * (abs(value) or 1.0))))
+        other = tuple(forces_of(nearby(self._problem, name, value)))
         if before == other:
             return None
         return rate(lambda v: self._acting(forces_of(with_value(self._problem, name, v))), value)

@@ -62,8 +62,22 @@ def with_value(problem: Problem, name: str, value: float) -> Problem:
     return made
 
 
+def nearby(problem: Problem, name: str, value: float) -> Problem:
+    """The problem with a value near that of one of its numbers, above it or, where that is out of its range, below.
+
+    Raises:
+        InputError: the number cannot change.
+    """
+    step = FIRST_STEP * (abs(value) or 1.0)
+    try:
+        return with_value(problem, name, value + step)
+    except InputError:
+        return with_value(problem, name, value - step)
+
+
 def rate(function: Callable[[float], Float], at: float) -> Float:
-    """Derivative of a smooth function of a number: central differences, extrapolated (Ridders 1982).
+    """Derivative of a smooth function of a number: differences, extrapolated (Ridders 1982), central ones unless the
+    number is at an end of its range.
 
     Args:
         function: gives an array, always of the same shape.
@@ -72,26 +86,29 @@ def rate(function: Callable[[float], Float], at: float) -> Float:
     Raises:
         InputError: the function raises it on both sides however near.
     """
-    scale = abs(at) if at else 1.0
-    step = FIRST_STEP * scale
-    while True:
-        try:
-            return _extrapolated(function, at, step)
-        except InputError:
-            step /= 10.0
-            if step < LAST_STEP * scale:
-                raise
+    scale, faults = abs(at) if at else 1.0, []
+    for sides in ((1.0, -1.0), (1.0, 0.0), (0.0, -1.0)):
+        step = FIRST_STEP * scale
+        while step >= LAST_STEP * scale:
+            try:
+                return _extrapolated(function, at, step, sides)
+            except InputError as error:
+                faults.append(error)
+                step /= 10.0
+    raise faults[0]
 
 
-def _extrapolated(function: Callable[[float], Float], at: float, step: float) -> Float:
+def _extrapolated(function: Callable[[float], Float], at: float, step: float, sides: tuple[float, float]) -> Float:
     """Of the table of extrapolated differences, for each entry the value that its neighbours agree with best."""
     best, error = np.zeros(0), np.zeros(0)
     row: list[Float] = []
+    ahead, behind = sides
+    base = 4.0 if ahead == -behind else 2.0  # central differences have even powers of the step alone
     for n in range(HALVINGS):
         h = step / 2.0**n
-        new = [(function(at + h) - function(at - h)) / (2.0 * h)]
+        new = [(function(at + ahead * h) - function(at + behind * h)) / ((ahead - behind) * h)]
         for k in range(n):
-            new.append(new[k] + (new[k] - row[k]) / (4.0 ** (k + 1) - 1.0))
+            new.append(new[k] + (new[k] - row[k]) / (base ** (k + 1) - 1.0))
             spread = np.maximum(np.abs(new[k + 1] - new[k]), np.abs(new[k + 1] - row[k]))
             if n == 1:
                 best, error = new[1], spread
