@@ -54,6 +54,10 @@ def test_a_grid_far_from_the_origin_is_the_same() -> None:
 @pytest.mark.parametrize(
     ("regions", "size", "points", "message"),
     [
+        (frame(solid="frame - hole - slot"), 0.5, {},
+         r"'solid' has a side at y = 1.25, which is 0.25 off the line y = 1.5 of the grid of size 0.5 that begins at "
+         r"y = 0.5: move the side there, or choose a size that divides 0.75"),
+        (frame(solid="frame"), 0.3, {}, r"side at y = 2.5, which is 0.1 off the line y = 2.6 of the grid of size 0.3"),
         (frame(solid="frame - hole - slot"), 0.5, {}, r"'solid' has a side at y = 1.25, which is 0.25 off the line y = "
         (frame(solid="frame - hole - slot"), 0.5, {}, r"'solid' has a side at y = 1.25, which is 0.25 off the line y = 1.5 "
          r"of the grid of size 0.5 that begins at y = 0.5: move the side there, or choose a size that divides 0.75"),
