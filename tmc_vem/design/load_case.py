@@ -215,7 +215,7 @@ class LoadCase:
 
     def _results(self) -> tuple[dict[str, float], dict[str, Float]]:
         assert self.u is not None
-        equilibrium = Equilibrium(self._solver, self.system, self.u, self._end, cells_only=True)
+        equilibrium = Equilibrium(self._solver, self.system, self.u, self._end)
         gradients = Gradients(self._problem, equilibrium, self._functionals)
         values, slopes = {}, {}
         for name in self._wanted:

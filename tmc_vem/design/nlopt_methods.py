@@ -72,7 +72,9 @@ def start(
     def constraints(result: Float, z: Float, gradient: Float) -> None:
         try:
             evaluation = history.at(z)
-            result[:] = scaling.constraints * evaluation.constraints
+            # without a value they count as violated: else a design that fails is taken in place of one that violates
+            known = np.isfinite(evaluation.objective)
+            result[:] = scaling.constraints * evaluation.constraints if known else np.inf
             if gradient.size:
                 gradient[:] = scaling.constraints[:, None] * evaluation.jacobian
         except BaseException as error:

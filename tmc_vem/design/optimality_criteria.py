@@ -146,8 +146,8 @@ def _note_wrong_signs(evaluation: Evaluation) -> bool:
     if not wrong.any():
         return False
     notes.say(  # the same words each time, as it need be said only once
-        "the objective grows with some variables, which optimality criteria take as gaining nothing: method 'mma' has no "
-        "such limit",
+        "the objective grows with some variables, which optimality criteria take as gaining nothing: method 'mma' has "
+        "no such limit",
         stacklevel=4,
     )
     return True

@@ -23,6 +23,7 @@ KIND = "design"
 EVALUATIONS, DESIGNS, COLLECTION, BEST = "evaluations", "designs", "design.pvd", "design.vtu"
 STIFFNESS, FINAL = "stiffness.npz", "final"
 PICTURE, DEFORMED, CURVES, ANIMATION = "design.png", "deformed", "history.png", "design.gif"
+OUTLINES = "outlines"  # what 'tmc-vem extract' makes of the design
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ class Sensitivities:
         Raises:
             InputError: there is no such result, or it has no derivative.
         """
-        return self.gradients.sensitivity(of).per_load
+        return self.gradients.per_load(of)
 
     def gradient(self, of: str | Functional, by: str, *, per_cell: bool = False) -> float | Float:
         """Derivative of a result with respect to a number of the problem.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, media_of, stages_of
 from tmc_vem.problems.own import OwnProblem
-from tmc_vem.sensitivity.numbers import rate, value_of, with_value
+from tmc_vem.sensitivity.numbers import nearby, rate, value_of, with_value
 from tmc_vem.support.assignments import keys
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.parallel import from_root
@@ -75,7 +75,8 @@ class Changes:
             value = self._position.parameters.get(
                 parameter_of(region, parameter), self._regions[region].values[parameter]
             )
-            return Change(name, value, {region: {parameter: 1.0}})
+            slope = self._factors(self._regions[region], region, parameter) if self._varies(region, parameter) else 1.0
+            return Change(name, value, {region: {parameter: slope}})
         value = value_of(self._problem, name)
         self._check_place(name)
         change = Change(
@@ -162,17 +163,21 @@ class Changes:
 
     def _in_cells(self, energy: RegionEnergy, region: str, parameter: str) -> Float:
         """(n_cells,) values of a parameter that varies, in this rank's cells of a region; 0 in others."""
+        return energy.values[parameter] * self._factors(energy, region, parameter)
+
+    def _factors(self, energy: RegionEnergy, region: str, parameter: str) -> Float:
+        """(n_cells,) what the region's value is multiplied with there."""
         assert energy.graded is not None
         centroid_cx, here_c = self._cells
-        values_c = np.zeros(len(centroid_cx))
+        factor_c = np.zeros(len(centroid_cx))
         here = here_c == region
         data = {name: values[here] for name, values in self._data.items()}
         try:
             factor_ck = energy.graded.factors(centroid_cx[here], data)
         except InputError as error:
             raise InputError(f"regions: {region}: {error}") from None
-        values_c[here] = energy.values[parameter] * factor_ck[:, energy.graded.names.index(parameter)]
-        return values_c
+        factor_c[here] = factor_ck[:, energy.graded.names.index(parameter)]
+        return factor_c
 
     @cached_property
     def _data(self) -> Mapping[str, Float]:
@@ -193,7 +198,7 @@ class Changes:
 
     def _of_prescribed(self, name: str, value: float) -> Float | None:
         before = tuple(self._problem.prescribed())
-        other = tuple(with_value(self._problem, name, value + 1e-3 * (abs(value) or 1.0)).prescribed())
+        other = tuple(nearby(self._problem, name, value).prescribed())
         if before == other:
             return None
         if stages_of(self._problem):
@@ -207,7 +212,8 @@ class Changes:
                 for known, new in zip(on_mesh, with_value(self._problem, name, v).prescribed(), strict=True)
             ]
             held = Constrained.of(conditions, self._system.owned_nodes, labels_nx)
-            if not np.array_equal(held.dofs, self._system.constrained()):
+            same = np.array_equal(held.dofs, self._system.constrained())
+            if not all(self._system.comm.allgather(same)):  # so that all ranks raise it, or none
                 raise InputError(f"'{name}' changes what is held, not only how far it moves")
             return held.at(self._position)
 
@@ -215,7 +221,7 @@ class Changes:
 
     def _of_forces(self, name: str, value: float) -> Float | None:
         before = tuple(forces_of(self._problem))
-        other = tuple(forces_of(with_value(self._problem, name, value + 1e-3 * (abs(value) or 1.0))))
+        other = tuple(forces_of(nearby(self._problem, name, value)))
         if before == other:
             return None
         return rate(lambda v: self._acting(forces_of(with_value(self._problem, name, v))), value)

@@ -7,6 +7,7 @@ it is for, as the tangent is symmetric.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +33,24 @@ class Adjoint:
 
     Attributes:
         field: L, a vector of the system, constrained entries included.
-        by_prescribed: (n,) total derivatives of v by what is prescribed at this rank's constrained degrees of freedom;
-            not numbers where only those by parameters of cells are wanted.
+        by_u: dj/du + K w, the derivative of v by u, the residual in it included.
     """
 
     field: Vec
-    by_prescribed: Float
+    by_u: Vec
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Displacements of constrained degrees of freedom alone.
+
+    Attributes:
+        u: a vector of the system with them, and zeros.
+        force: the tangent times it.
+    """
+
+    u: Vec
+    force: Vec
 
 
 class Equilibrium:
@@ -49,8 +62,6 @@ class Equilibrium:
         u: displacements.
         position: where on the path it is.
         behind: tells whether the second of two points is behind the surface of the first, where surfaces cross.
-        cells_only: only derivatives by parameters of cells are wanted, which saves two products and a solution: those
-            along the path and by what is prescribed are not numbers.
 
     Raises:
         SingularTangent: the tangent there cannot be factorised.
@@ -58,25 +69,18 @@ class Equilibrium:
     Attributes:
         system: the discretisation.
         state: what functionals are of.
-        per_load: rate of u per load factor along the path; not numbers with ``cells_only``.
         negative_pivots: of the tangent; above zero the state is unstable. None if the solver cannot tell.
     """
 
     def __init__(
-        self, solver: NewtonSolver, system: Discretisation, u: Vec, position: Control, behind: Behind | None = None, *,
-        cells_only: bool = False,
-    ) -> None:  # fmt: skip
-        self.system, self._solver, self._cells_only = system, solver, cells_only
+        self, solver: NewtonSolver, system: Discretisation, u: Vec, position: Control, behind: Behind | None = None
+    ) -> None:
+        self.system, self._solver = system, solver
         system.set_position(position)
         residual = system.create_vector()
         system.residual(u, residual)
         self.state = FunctionalState(u, residual, position, behind)
-        self.per_load = system.create_vector()
-        if cells_only:
-            self.per_load.set(np.nan)
-            solved, self.negative_pivots = solver.linearise(u, position)
-        else:
-            solved, self.negative_pivots = solver.per_load(u, position, self.per_load)
+        solved, self.negative_pivots = solver.linearise(u, position)
         if not solved:
             raise SingularTangent(
                 f"the tangent at load factor {position.load:g} has no inverse{solver.linear_complaint}: there is no "
@@ -88,24 +92,51 @@ class Equilibrium:
         """Whether the state is known to be no minimum of the potential."""
         return bool(self.negative_pivots)
 
+    @cached_property
+    def residual_per_load(self) -> Vec:
+        """Rate of the residual per load factor, u held: of forces that change along the path."""
+        rate = self.system.create_vector()
+        self.system.add_residual_per_load(self.state.u, self.state.position, rate)
+        return rate
+
+    @cached_property
+    def per_load(self) -> Vec:
+        """Rate of u per load factor along the path.
+
+        Raises:
+            SingularTangent: the linear solver failed.
+        """
+        held = self.moved(self.system.prescribed_per_load(self.state.position))
+        held.force.axpy(1.0, self.residual_per_load)
+        rate = self._solved(held.force, "rate along the path")
+        rate.axpy(1.0, held.u)
+        return rate
+
     def adjoint(self, of: Derivative) -> Adjoint:
         """The adjoint field of a functional: K_ff L_f = -(dj/du + K w)_f and L_c = w.
 
         Raises:
             SingularTangent: the linear solver failed.
         """
-        system, held = self.system, self.system.constrained()
-        rhs, field = system.create_vector(), system.create_vector()
-        if of.on_residual is not None:
-            system.tangent_action(of.on_residual, rhs)
-        rhs.axpy(1.0, of.by_u)
-        if not self._solver.correction(rhs, field):
-            raise SingularTangent(f"no adjoint field was found{self._solver.linear_complaint}")
+        by_u, held = self.system.create_vector(), self.system.constrained()
+        if of.on_residual is not None:  # not 0 at few nodes, and only the cells there are computed
+            self.system.tangent_action(of.on_residual, by_u)
+        by_u.axpy(1.0, of.by_u)
+        field = self._solved(by_u, "adjoint field")
         if of.on_residual is not None:
             field.getArray()[held] = of.on_residual.getArray(readonly=True)[held]
-        if self._cells_only:
-            return Adjoint(field, np.full(len(held), np.nan))
-        # along what is prescribed: dj/du_c + K_cf L_f + K_cc w
-        system.tangent_action(field, rhs)
-        rhs.axpy(1.0, of.by_u)
-        return Adjoint(field, rhs.getArray(readonly=True)[held].copy())
+        return Adjoint(field, by_u)
+
+    def moved(self, prescribed: Float) -> Moved:
+        """What displacements (n,) of this rank's constrained degrees of freedom do while all others are held."""
+        u, force = self.system.create_vector(), self.system.create_vector()
+        u.getArray()[self.system.constrained()] = prescribed
+        self.system.tangent_action(u, force)
+        return Moved(u, force)
+
+    def _solved(self, force: Vec, what: str) -> Vec:
+        """The displacements of free degrees of freedom that undo a force."""
+        found = self.system.create_vector()
+        if not self._solver.correction(force, found):
+            raise SingularTangent(f"no {what} was found{self._solver.linear_complaint}")
+        return found

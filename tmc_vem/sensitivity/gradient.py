@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from tmc_vem.energy.mixed import STIFFNESS
 from tmc_vem.problems.base import Problem, with_friction
 from tmc_vem.sensitivity.changes import Change, Changes, require_cells
-from tmc_vem.sensitivity.equilibrium import Equilibrium
+from tmc_vem.sensitivity.equilibrium import Adjoint, Equilibrium, Moved
 from tmc_vem.sensitivity.functionals import functional_of
-from tmc_vem.sensitivity.functionals_record import CellParts, Functional
+from tmc_vem.sensitivity.functionals_record import CellParts, Derivative, Functional
 from tmc_vem.sensitivity.numbers import rate, with_value
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import InputError
@@ -51,21 +51,20 @@ class Sensitivity:
 
     Attributes:
         name: as it was asked for.
-        value: of the result.
-        per_load: its total derivative along the path, per load factor.
-        field: adjoint field.
-        by_prescribed: (n,) derivatives by what is prescribed at this rank's constrained degrees of freedom.
-        by_forces: derivatives by forces at the nodes, a vector of the system.
+        derivative: of the result by the state.
+        adjoint: its field.
         of_cells: derivatives by parameters in this rank's cells.
     """
 
     name: str
-    value: float
-    per_load: float
-    field: Vec
-    by_prescribed: Float
-    by_forces: Vec
+    derivative: Derivative
+    adjoint: Adjoint
     of_cells: Sequence[OfCells]
+
+    @property
+    def value(self) -> float:
+        """The result itself."""
+        return self.derivative.value
 
 
 class Gradients:
@@ -91,6 +90,7 @@ class Gradients:
         self._changes = Changes(problem, self._system, state.u, state.position)
         self._known: dict[object, Sensitivity] = {}
         self._by: dict[str, Change] = {}
+        self._moving: dict[str, Moved] = {}
         self._functionals: dict[object, Functional] = {} if functionals is None else functionals
 
     def sensitivity(self, of: str | Functional) -> Sensitivity:
@@ -117,13 +117,31 @@ class Gradients:
     def derivative(self, of: str | Functional, change: Change) -> float:
         """Derivative of a result by a number, equal on all ranks."""
         sensitivity = self.sensitivity(of)
+        derivative, field = sensitivity.derivative, sensitivity.adjoint.field
         mine = sum(float(values.sum()) for _, values in self._in_cells(sensitivity, change))
-        if change.prescribed is not None:
-            mine += float(sensitivity.by_prescribed @ change.prescribed)
+        total = 0.0
         if change.force_ni is not None:
-            mine += float((self._along(sensitivity.by_forces) * change.force_ni).sum())
-        total = float(sum(self._comm.allgather(mine)))
-        return total + (self._explicit(of, change) if change.force_ni is not None else 0.0)
+            by_forces_ni = -self._along(field)
+            if derivative.by_forces is not None:
+                by_forces_ni += self._along(derivative.by_forces)
+            mine += float((by_forces_ni * change.force_ni).sum())
+        if change.prescribed is not None:
+            moved = self._moved(change)
+            total += derivative.by_u.dot(moved.u) + field.dot(moved.force)
+        if derivative.reads_loads and (change.force_ni is not None or change.prescribed is not None):
+            total += self._explicit(of, change)
+        return float(total + sum(self._comm.allgather(mine)))
+
+    def per_load(self, of: str | Functional) -> float:
+        """Derivative of a result along the path, per load factor."""
+        sensitivity, rates = self.sensitivity(of), self.equilibrium
+        derivative = sensitivity.derivative
+        total = derivative.per_load + sensitivity.adjoint.by_u.dot(rates.per_load)
+        if derivative.on_residual is not None:
+            total += derivative.on_residual.dot(rates.residual_per_load)
+        if derivative.by_forces is not None:
+            total -= derivative.by_forces.dot(rates.residual_per_load)
+        return float(total)
 
     def by_cells(self, of: str | Functional, change: Change) -> Float:
         """(n_cells of the whole mesh,) derivatives of a result by a number, changed in one cell at a time; 0 in cells
@@ -170,23 +188,15 @@ class Gradients:
         if parts.chosen_c is not None and parts.field is not None:
             cells += [_chosen(each, parts.chosen_c) for each in system.parameter_derivatives(state.u, parts.field)]
         cells += [OfCells(each.region, each.cells, each.names, each.values_ck) for each in parts.direct]
-        per_load = derivative.per_load + derivative.by_u.dot(self.equilibrium.per_load)
-        rate_of_residual = system.create_vector()
-        system.add_residual_per_load(state.u, state.position, rate_of_residual)
-        if derivative.by_forces is not None:
-            per_load -= derivative.by_forces.dot(rate_of_residual)
-        if derivative.on_residual is not None:
-            inner = system.create_vector()
-            system.tangent_action(self.equilibrium.per_load, inner)
-            per_load += derivative.on_residual.dot(inner) + derivative.on_residual.dot(rate_of_residual)
         name = of if isinstance(of, str) else of.words
-        by_forces = system.create_vector()
-        by_forces.axpy(-1.0, adjoint.field)
-        if derivative.by_forces is not None:
-            by_forces.axpy(1.0, derivative.by_forces)
-        return Sensitivity(
-            name, derivative.value, float(per_load), adjoint.field, adjoint.by_prescribed, by_forces, cells
-        )
+        return Sensitivity(name, derivative, adjoint, cells)
+
+    def _moved(self, change: Change) -> Moved:
+        """What a number prescribes; its force is found once for all results."""
+        if change.name not in self._moving:
+            assert change.prescribed is not None
+            self._moving[change.name] = self.equilibrium.moved(change.prescribed)
+        return self._moving[change.name]
 
     def _functional(self, of: str | Functional) -> Functional:
         if of not in self._functionals:
@@ -216,7 +226,7 @@ class Gradients:
         return shares
 
     def _explicit(self, of: str | Functional, change: Change) -> float:
-        """What a result changes by with forces while nothing moves: of works of forces."""
+        """What a result changes by with loads while nothing moves: work of forces, a centre that moments are about."""
         state = self.equilibrium.state
 
         def value(v: float) -> Float:

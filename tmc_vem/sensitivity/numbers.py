@@ -26,6 +26,9 @@ Float = NDArray[np.float64]
 # Steps of the differences relative to the number: what they are of is given by formulas, not by a solver.
 FIRST_STEP, HALVINGS = 2e-3, 5
 LAST_STEP = 1e-9
+# What two extrapolations may differ by without smaller steps, and steps from which on no smaller ones are tried.
+EXACT, SMALL_STEP = 1e-11, 1e-6
+NEARBY = (1e-3, -1e-3, 1e-6, -1e-6)  # relative: where it is looked at what a number changes at all
 _NAMES = ("name", "at")
 
 
@@ -62,6 +65,20 @@ def with_value(problem: Problem, name: str, value: float) -> Problem:
     return made
 
 
+def nearby(problem: Problem, name: str, value: float) -> Problem:
+    """The problem with a value near that of one of its numbers, above it or below, where its range allows it.
+
+    Raises:
+        InputError: there is no such number, or it cannot change alone.
+    """
+    for step in NEARBY:
+        try:
+            return with_value(problem, name, value + step * (abs(value) or 1.0))
+        except InputError:
+            continue
+    return with_value(problem, name, value + NEARBY[0] * (abs(value) or 1.0))
+
+
 def rate(function: Callable[[float], Float], at: float) -> Float:
     """Derivative of a smooth function of a number: central differences, extrapolated (Ridders 1982).
 
@@ -74,17 +91,29 @@ def rate(function: Callable[[float], Float], at: float) -> Float:
     """
     scale = abs(at) if at else 1.0
     step = FIRST_STEP * scale
-    while True:
+    found: tuple[Float, Float] | None = None
+    while step >= LAST_STEP * scale:
         try:
-            return _extrapolated(function, at, step)
+            best, error = _extrapolated(function, at, step)
         except InputError:
-            step /= 10.0
-            if step < LAST_STEP * scale:
+            if step / 10.0 < LAST_STEP * scale:
                 raise
+        else:
+            if found is not None:
+                better = error < found[1]
+                best, error = np.where(better, best, found[0]), np.where(better, error, found[1])
+            size = np.abs(best) + np.abs(function(at)) / scale
+            if (error <= EXACT * size).all() or step < SMALL_STEP * scale:
+                return best
+            found = best, error  # near a pole, as of the bulk modulus at nu = 0.5, the steps have to be smaller
+        step /= 10.0
+    assert found is not None
+    return found[0]
 
 
-def _extrapolated(function: Callable[[float], Float], at: float, step: float) -> Float:
-    """Of the table of extrapolated differences, for each entry the value that its neighbours agree with best."""
+def _extrapolated(function: Callable[[float], Float], at: float, step: float) -> tuple[Float, Float]:
+    """Of the table of extrapolated differences, for each entry the value that its neighbours agree with best, and by
+    how much they differ."""
     best, error = np.zeros(0), np.zeros(0)
     row: list[Float] = []
     for n in range(HALVINGS):
@@ -99,7 +128,7 @@ def _extrapolated(function: Callable[[float], Float], at: float, step: float) ->
                 better = spread < error
                 best, error = np.where(better, new[k + 1], best), np.where(better, spread, error)
         row = new
-    return best
+    return best, error
 
 
 def _root(problem: Problem) -> Any:
