@@ -20,6 +20,7 @@ from tmc_vem.design.projection import Projection
 from tmc_vem.sensitivity.differences import TIGHT
 from tmc_vem.support.errors import InputError
 
+LIMITS = {"tip": {"at_least": -1}}
 ALL = {
     "design.symmetry": {"y": 0.5},
     "design.passive": [{"is": "solid", "box": [1.7, 0.3, 2, 0.7]}, {"is": "void", "box": [0.8, 0.3, 1.2, 0.7]}],
@@ -107,8 +108,8 @@ def test_a_steeper_projection_that_fails_ends_the_search(tmp_path: Path, monkeyp
         ({"design.cases": [{"name": "fine", "set": {"mesh.size": 0.2}}]}, {}, "cases: fine: it has another mesh"),
         ({}, {"follow": True}, "follow does not go with a design"),
         ({}, {"max_iterations": 2}, r"first design could not be evaluated \(.*limit of 2 Newton iterations .*for one"),
-        ({"design.method": "oc", "design.volume": None, "design.start": 0.5, "design.limits": {"tip": {"at_least": -1}}},
-         {}, "method 'oc' is for a volume alone"),
+        ({"design.method": "oc", "design.volume": None, "design.start": 0.5, "design.limits": LIMITS}, {},
+         "method 'oc' is for a volume alone"),
     ],
 )  # fmt: skip
 def test_what_is_refused(changes: Mapping[str, Any], options: Mapping[str, Any], message: str, tmp_path: Path) -> None:
