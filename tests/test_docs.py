@@ -31,6 +31,7 @@ PAGES = (
             "paraview",
             "probes",
             "restart",
+            "sensitivities",
             "solver-options",
             "stress",
         )

@@ -19,6 +19,7 @@ PAGES = {
     "vem": ("Virtual elements", ("tmc_vem.vem",)),
     "fem": ("Finite elements", ("tmc_vem.fem",)),
     "solve": ("Nonlinear solver", ("tmc_vem.solve",)),
+    "sensitivity": ("Sensitivities", ("tmc_vem.sensitivity",)),
     "design": ("Designs", ("tmc_vem.design",)),
 }
 WORKERS = ("tmc_vem.study.batch_worker",)  # run by other modules only

@@ -251,7 +251,8 @@ def test_tables_have_what_is_not_the_default() -> None:
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_the_file_of_a_run_is_the_problem_that_was_solved(path: Path, tmp_path: Path) -> None:
-    problem, options = read_problem(path, {"regions.medium.medium.gamma": 2e-4, "solve.largest_step": 0.05})
+    region = "medium" if "[regions.medium]" in path.read_text() else "design"
+    problem, options = read_problem(path, {f"regions.{region}.medium.gamma": 2e-4, "solve.largest_step": 0.05})
     copy = tmp_path / "copy.toml"
     copy.write_text(
         problem_text(problem, dataclasses.replace(options, overwrite=True, max_iterations=1, max_seconds=1))

@@ -241,3 +241,5 @@ def test_units_are_those_of_result_and_number() -> None:
     assert units["reaction", "load.uy"] == units["contact.block.force", "load.uy"]
     frame = table.to_pandas()
     assert frame.loc[("hold", "load.uy"), "derivative"] == table.entry("hold", "load.uy").derivative
+    assert frame.loc[("hold", "load.uy"), "unit"] == "N/mm^2"
+    assert list(frame.columns) == ["value", "number", "derivative", "elasticity", "unit"]

@@ -17,6 +17,7 @@ COMMANDS = {
     "run": ("tmc_vem.cli.run", "run_group", "Solve a problem and write results, fields and a picture."),
     "check": ("tmc_vem.cli.check", "check_file", "Check and draw a problem file before it is run."),
     "optimise": ("tmc_vem.cli.optimise", "optimise", "Find the best design of a problem file."),
+    "extract": ("tmc_vem.cli.extract", "extract", "The outlines of a design as a problem of their own."),
     "resume": ("tmc_vem.cli.resume", "resume", "Go on with a run or a search that was stopped."),
     "compare": ("tmc_vem.cli.compare", "compare_group", "Virtual and finite elements on several meshes, as a report."),
     "sweep": ("tmc_vem.cli.sweep", "sweep", "Runs of a problem with all combinations of some values."),

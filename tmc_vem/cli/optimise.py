@@ -53,6 +53,7 @@ def optimise(file: str, **options: Any) -> None:
       tmc-vem optimise cantilever.toml --set design.volume=0.3 --iterations 200
       tmc-vem resume runs/cantilever
       tmc-vem run runs/cantilever/final.toml
+      tmc-vem extract runs/cantilever --run
 
     The directory holds result.json, report.html, history.csv, stiffness.npz with final.toml, which 'tmc-vem run'
     solves, final (that run), design.vtu and design.pvd for ParaView, pictures, and every evaluation with its gradient.

@@ -168,9 +168,27 @@ def extracted_problem(
         InputError: the design has no outlines that can be meshed, see :func:`contour`, or a passive region varies with
             cell data of the design's mesh.
     """
-    options = options or ExtractOptions()
-    table = problem.table
-    passive = {name: region for name, region in table.regions.items() if name not in materials}
+    return extracted_problems({"": problem}, mesh, density_c, materials, options)[""]
+
+
+def extracted_problems(
+    problems: Mapping[str, OwnProblem],
+    mesh: PolygonMesh,
+    density_c: Float,
+    materials: Mapping[str, DesignMaterials],
+    options: ExtractOptions | None = None,
+) -> dict[str, Extracted]:
+    """The body-fitted problems of a design with several load cases, which have one mesh.
+
+    Args:
+        problems: the design problem with the loads of each case, by its name; their regions are the same.
+        mesh, density_c, materials, options: as in :func:`extracted_problem`.
+
+    Raises:
+        InputError: as there.
+    """
+    options, first = options or ExtractOptions(), next(iter(problems.values()))
+    passive = {name: region for name, region in first.table.regions.items() if name not in materials}
     for name, region in passive.items():
         data = {each for number in region.graded for each in region.cell_data(number)}
         if data:
@@ -178,10 +196,14 @@ def extracted_problem(
                 f"regions: {name}: graded by '{min(data)}' of the design's mesh, which the new mesh does not have: use "
                 "a formula of x and y"
             )
-    energies = {name: region.is_medium for name, region in problem.regions().items()}
+    energies = {name: region.is_medium for name, region in first.regions().items()}
     solids = tuple(name for name in passive if not energies[name])
-    held, loaded = _places(table)
-    mesh, unnamed = _with_probed(problem, mesh)
+    places = [_places(problem.table) for problem in problems.values()]
+    held, loaded = (tuple(dict.fromkeys(name for of in places for name in of[n])) for n in (0, 1))
+    unnamed: set[str] = set()
+    for problem in problems.values():
+        mesh, more = _with_probed(problem, mesh)
+        unnamed |= more
     domain = Domain(mesh, tuple(name for name in mesh.region_names if name in materials), solids, held, loaded)
     names = _names(materials, passive)
     outlines = contour(domain, np.asarray(density_c, dtype=float), names, options)
@@ -189,11 +211,14 @@ def extracted_problem(
     fitted, note = fitted_mesh(regions_of(outlines.faces, corners), domain, outlines.cell, options)
     points = {name: vertex for name, vertex in fitted.named_points.items() if name not in unnamed}
     fitted = replace(fitted, named_points=points, validate=False)
-    described = _regions(table, materials, names, fitted)
-    made = _renamed(table, names, described)
     volume = _area(fitted, [solid for solid, _ in names.values()])
     notes = (*outlines.notes, note) if note else outlines.notes
-    return Extracted(made, fitted, outlines, volume, notes, problem.directory)
+    found = {}
+    for case, problem in problems.items():
+        table = problem.table
+        made = _renamed(table, names, _regions(table, materials, names, fitted))
+        found[case] = Extracted(made, fitted, outlines, volume, notes, problem.directory)
+    return found
 
 
 def _names(materials: Mapping[str, DesignMaterials], passive: Mapping[str, RegionTable]) -> dict[str, tuple[str, str]]:

@@ -45,7 +45,9 @@ def density_figure(
             )
         points = points + displacements
     extent = np.ptp(points, axis=0)
-    figure = Figure(figsize=(WIDTH, float(np.clip(WIDTH * extent[1] / extent[0], 1.5, 10.0)) + 0.8))
+    figure = Figure(
+        figsize=(WIDTH, float(np.clip(WIDTH * extent[1] / extent[0], 1.5, 10.0)) + 0.8), layout="constrained"
+    )
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     grey = 1.0 - np.clip(np.nan_to_num(density), 0.0, 1.0)

@@ -24,6 +24,7 @@ from tmc_vem.support.files import whole_file
 from tmc_vem.system.enclosed import shown_place
 
 Float = NDArray[np.float64]
+Int = NDArray[np.int64]
 
 SUFFIX = ".npz"
 NEAR = 1e-6  # of the design's extent, by which centroids of the same cell may differ: rounding, and formats of meshes
@@ -60,17 +61,30 @@ class StiffnessOfFile:
         Raises:
             InputError: the design has no cell at one of the places.
         """
-        known_cx, stiffness_c = self._content
         if not len(centroid_cx):
             return np.empty((0, 1))
+        found: Float = self._content[1][self.nearest(centroid_cx)][:, None]
+        return found
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells of the design."""
+        return len(self._content[1])
+
+    def nearest(self, centroid_cx: Float) -> Int:
+        """(n_cells,) numbers of the design's cells at some places (n_cells, 2).
+
+        Raises:
+            InputError: the design has no cell at one of the places.
+        """
         away, nearest = self._tree.query(centroid_cx)
-        far = np.flatnonzero(away > NEAR * np.ptp(known_cx, axis=0).max())
+        far = np.flatnonzero(away > NEAR * np.ptp(self._content[0], axis=0).max())
         if len(far):
             raise InputError(
                 f"stiffness: {self.path.name} has no cell around {shown_place(centroid_cx[far[0]])}: it is a design on "
                 "another mesh; use the mesh that it was made on"
             )
-        found: Float = stiffness_c[nearest][:, None]
+        found: Int = nearest
         return found
 
     def __getstate__(self) -> dict[str, Any]:
@@ -110,6 +124,30 @@ class StiffnessOfFile:
         if not np.isfinite(centroid_cx).all():
             raise InputError(f"stiffness: {self.path} has a centroid that is no number")
         return found
+
+
+def densities_at(path: Path, centroid_cx: Float) -> Float:
+    """Densities of a design in a file, by the centroids of cells.
+
+    Args:
+        path: the file, as :func:`write_stiffness` writes it.
+        centroid_cx: (n_cells, 2) centroids of the design's cells, in any order.
+
+    Returns:
+        (n_cells,) densities from 0 to 1.
+
+    Raises:
+        InputError: the file is no design, has no densities, or no cell at one of the places.
+    """
+    design = StiffnessOfFile(path)
+    numbered = design.nearest(centroid_cx)
+    with np.load(path, allow_pickle=False) as file:
+        density_c = np.array(file["density_c"], dtype=np.float64) if "density_c" in file else np.empty(0)
+    known = density_c.shape == (design.n_cells,)
+    if not known or not ((density_c >= 0.0) & (density_c <= 1.0)).all():
+        raise InputError(f"{path} has no array density_c of densities from 0 to 1, one for each of its cells")
+    found: Float = density_c[numbered]
+    return found
 
 
 def write_stiffness(path: Path, centroid_cx: Float, stiffness_c: Float, density_c: Float) -> None:

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.report.figures import border_lines
 from tmc_vem.system.fields import Fields, Polygons
 
 Float = NDArray[np.float64]
 
 WIDTH, LEAST, MOST = 7.0, 1.2, 8.0  # inches
 DENSITIES, SOLID, MEDIUM = "Greys", "#4a7ab5", "#fdfdf5"  # of the design, and of what is not designed
+VOLUMES = 0.02  # fractions over which the axis of volumes goes at least
 REST = 1500  # milliseconds that the last design stays longer
 
 
@@ -83,6 +85,8 @@ def history_figure(rows: Sequence[Mapping[str, str]], objective: str, limits: Se
     second = all_axes[1]
     second.plot(number, numbers("volume"))
     second.set_ylabel("volume fraction")
+    second.ticklabel_format(useOffset=False)
+    _widen(second, VOLUMES)
     if limits:
         third = all_axes[2]
         for name in limits:
@@ -98,6 +102,13 @@ def history_figure(rows: Sequence[Mapping[str, str]], objective: str, limits: Se
     all_axes[-1].set_xlabel("evaluation")
     all_axes[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
     return figure
+
+
+def _widen(axes: Any, least: float) -> None:
+    """Let an axis go over some length at least: a constant is no picture of its rounding errors."""
+    low, high = axes.get_ylim()
+    if high - low < least:
+        axes.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
 
 
 def animate_designs(
@@ -139,7 +150,7 @@ def animate_designs(
 
 
 def _draw(axes: Any, polygons: Polygons, density_c: Float, points: Float) -> Any:
-    from matplotlib.collections import PolyCollection
+    from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.colors import Normalize
 
     norm = Normalize(0.0, 1.0)
@@ -157,6 +168,8 @@ def _draw(axes: Any, polygons: Polygons, density_c: Float, points: Float) -> Any
             rasterized=True,
         )
     )  # fmt: skip
+    lines = border_lines(polygons.offsets, polygons.connectivity, np.ones(polygons.n_cells, dtype=bool), points)
+    axes.add_collection(LineCollection(lines, colors="0.4", linewidths=0.6))
     return norm
 
 

@@ -13,7 +13,7 @@ from tmc_vem.report.design_figure import animate_designs, deformed_figure, densi
 from tmc_vem.report.page import Block, Entry, Page, Section, Table, Text, Warnings, picture
 from tmc_vem.report.tables import flat
 from tmc_vem.report.write import write_page
-from tmc_vem.results.design_run import ANIMATION, CURVES, DEFORMED, PICTURE, DesignRun
+from tmc_vem.results.design_run import ANIMATION, CURVES, DEFORMED, OUTLINES, PICTURE, DesignRun
 from tmc_vem.support.files import whole_file
 from tmc_vem.system.fields import Fields, Polygons
 
@@ -144,14 +144,19 @@ def _notes(noted: Sequence[str]) -> Block:
 
 
 def _runs(run: DesignRun) -> list[Block]:
+    outlines = Text(
+        "'tmc-vem extract' on this directory, with --run, makes a problem of solid parts whose mesh has the outlines "
+        f"of the design as edges, solves it, and compares both: {OUTLINES}/report.html."
+    )
     if not run.runs:
-        return []
+        return [outlines]
     listed = ", ".join(f"{where} ({case})" if case else where for case, where in run.runs.items())
     return [
         Text(
             f"The best design as a run, with its curves over the load: {listed}. The problem file beside this page, "
             "final.toml or one for each load case, does it again with 'tmc-vem run'."
-        )
+        ),
+        outlines,
     ]
 
 

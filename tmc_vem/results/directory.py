@@ -52,6 +52,9 @@ class RunDirectory:
 
     # What a run leaves, which the next one there removes.
     own: tuple[str, ...] = _OWN
+    # What tells it from other directories, and what is said to be in it.
+    marks: tuple[str, ...] = (*MARKS, HISTORY)
+    called = "a run"
 
     def __init__(self, path: str | Path, *, overwrite: bool = False) -> None:
         self.path = Path(path)
@@ -65,10 +68,10 @@ class RunDirectory:
         if path.exists() and not path.is_dir():
             raise InputError(f"output directory {path} is a file: choose another name")
         if path.is_dir() and any(entry.name != LOCK for entry in path.iterdir()):
-            if not any((path / name).exists() for name in (*MARKS, HISTORY)) or self._is_foreign():
+            if not any((path / name).exists() for name in self.marks) or self._is_foreign():
                 raise InputError(f"output directory {path} has other things in it: choose an empty or new one")
             if not self._overwrite:
-                raise InputError(f"output directory {path} has a run in it: choose another, or say --overwrite")
+                raise InputError(f"output directory {path} has {self.called} in it: choose another, or say --overwrite")
         made = [p for p in (path, *path.absolute().parents) if not p.exists()]
         parent = made[-1].parent if made else path
         if not parent.is_dir():

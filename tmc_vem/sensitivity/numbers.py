@@ -26,7 +26,7 @@ Float = NDArray[np.float64]
 # Steps of the differences relative to the number: what they are of is given by formulas, not by a solver.
 FIRST_STEP, HALVINGS = 2e-3, 5
 LAST_STEP = 1e-9
-# What extrapolations may differ by without smaller steps, and the step below which no smaller one is tried.
+# What two extrapolations may differ by without smaller steps, and steps from which on no smaller ones are tried.
 EXACT, SMALL_STEP = 1e-11, 1e-6
 NEARBY = (1e-3, -1e-3, 1e-6, -1e-6)  # relative: where it is looked at what a number changes at all
 _NAMES = ("name", "at")

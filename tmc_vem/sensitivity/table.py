@@ -90,14 +90,14 @@ class SensitivityTable:
         return json.dumps(finite({**self.as_dict(), **(more or {})}), indent=2, allow_nan=False) + "\n"
 
     def to_pandas(self) -> Any:
-        """A data frame with a row for each result and number, which are its index.
+        """A data frame with a row for each result and number, which are its index; ``unit`` is that of the derivative.
 
         Raises:
             InputError: pandas is not installed.
         """
         pandas = optional.load("pandas", "this needs")
-        rows = [_plain(entry) for entry in self.entries]
-        return pandas.DataFrame(rows).set_index(["of", "by"])
+        rows = [{**_plain(entry), "units": entry.units[2]} for entry in self.entries]
+        return pandas.DataFrame(rows).rename(columns={"units": "unit"}).set_index(["of", "by"])
 
 
 def _plain(entry: Entry) -> dict[str, Any]:
