@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -65,3 +67,9 @@ def cantilever_file(directory: Path, text: str = CANTILEVER) -> Path:
 def cantilever(directory: Path, changes: Mapping[str, Any] | None = None) -> tuple[OwnProblem, RunOptions]:
     """The problem, with other values for some entries."""
     return read_problem(cantilever_file(directory), changes)
+
+
+def design_rows(directory: Path) -> list[dict[str, str]]:
+    """Rows of history.csv of a search, but for what the clock says."""
+    found = list(csv.DictReader(io.StringIO((directory / "history.csv").read_text())))
+    return [{name: value for name, value in row.items() if name != "seconds"} for row in found]

@@ -12,6 +12,7 @@ from tmc_vem.support.lazy import lazily
 from tmc_vem.support.version import VERSION as __version__
 
 if TYPE_CHECKING:
+    from tmc_vem.design.session import optimise
     from tmc_vem.problems import Box, Material, Medium
     from tmc_vem.results.run_result import RunResult
     from tmc_vem.simulation.checkup import Checkup, check
@@ -27,6 +28,7 @@ _MODULES = {
     "RunResult": "results.run_result",
     "Simulation": "simulation.simulation",
     "check": "simulation.checkup",
+    "optimise": "design.session",
     "prepare": "simulation.simulation",
     "run": "simulation.simulation",
 }
@@ -41,6 +43,7 @@ __all__ = [
     "Simulation",
     "__version__",
     "check",
+    "optimise",
     "prepare",
     "run",
 ]

@@ -54,8 +54,9 @@ def test_a_grid_far_from_the_origin_is_the_same() -> None:
 @pytest.mark.parametrize(
     ("regions", "size", "points", "message"),
     [
-        (frame(solid="frame - hole - slot"), 0.5, {}, r"'solid' has a side at y = 1.25, which is 0.25 off the line y = "
-         r"1.5 of the grid of size 0.5 that begins at y = 0.5: move the side there, or choose a size that divides 0.75"),
+        (frame(solid="frame - hole - slot"), 0.5, {},
+         r"'solid' has a side at y = 1.25, which is 0.25 off the line y = 1.5 of the grid of size 0.5 that begins at "
+         r"y = 0.5: move the side there, or choose a size that divides 0.75"),
         (frame(solid="frame"), 0.3, {}, r"side at y = 2.5, which is 0.1 off the line y = 2.6 of the grid of size 0.3"),
         (frame(solid="frame"), 0.25, {"tip": (2.0, 0.6)}, r"point 'tip': no node at \(2, 0.6\).*begins at \(-1, 0.5\)"),
         (combine({"a": disc(0.0, 0.0, 1.0)}, {"all": "a"}), 0.1, {}, r"'all' has a round side at .* is for rectangles"),
@@ -64,7 +65,9 @@ def test_a_grid_far_from_the_origin_is_the_same() -> None:
     ],
     ids=["inner side", "outer side", "point", "disc", "slanted", "too many"],
 )  # fmt: skip
-def test_what_does_not_fit(regions: list[Region], size: float, points: dict[str, tuple[float, float]], message: str):
+def test_what_does_not_fit(
+    regions: list[Region], size: float, points: dict[str, tuple[float, float]], message: str
+) -> None:
     with pytest.raises(InputError, match=message):
         grid_mesh(regions, size, points)
 

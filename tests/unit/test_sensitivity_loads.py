@@ -91,6 +91,24 @@ def test_a_block_that_is_turned(method: str) -> None:
     assert_right(case, of, ("load.turn.rotation", "load.lift.uy", *SOLIDS))
 
 
+def test_a_centre_that_moves() -> None:
+    """The moment is about the same point as the rotation."""
+    turn = {"name": "turn", "at": "top", "rotation": 6.0, "about": [0.4, 1.0]}
+    case = case_of(loaded(SEAL, turn, support=(HELD,)), steps=4)
+    of, numbers = ("turn.moment", "turn.angle", "side"), ("load.turn.about.1", "load.turn.about.2")
+    assert not wrong(case, of, numbers)
+    assert case.found.gradient("turn.angle", numbers[0]) == 0.0
+
+
+def test_nearly_incompressible() -> None:
+    """Beyond nu = 0.5, which is close, there is nothing."""
+    case = case_of(own(SEAL.replace("nu = 0.3", "nu = 0.4999")), steps=4)
+    found = case.found.gradients
+    slopes = found.by("regions.foot.solid.nu").parameters["foot"]
+    assert slopes["K"] == pytest.approx(40.0 * 2.0 / 3.0 / (1.0 - 2.0 * 0.4999) ** 2, rel=1e-9)
+    assert slopes["mu"] == pytest.approx(-20.0 / 1.4999**2, rel=1e-9)
+
+
 def test_inclined_supports(method: str) -> None:
     """Displacements across an incline that turns the axes of nodes, and along it."""
     slide = {"at": "side", "force": [0.0, -0.02], "name": "slide"}

@@ -70,7 +70,9 @@ def test_designs_travel_to_other_processes(tmp_path: Path) -> None:
 def test_a_design_of_another_mesh_is_refused(tmp_path: Path) -> None:
     design(tmp_path)
     problem, options = cantilever(tmp_path, {**BY_FILE, "mesh.size": 0.125})
-    message = r"regions: plate: stiffness: stiffness.npz has no cell around \(0.0625, 0.0625\): it is a design on another"
+    message = (
+        r"regions: plate: stiffness: stiffness.npz has no cell around \(0.0625, 0.0625\): it is a design on another"
+    )
     with pytest.raises(InputError, match=message):
         run(problem, None, options)
 

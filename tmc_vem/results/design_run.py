@@ -154,6 +154,7 @@ class DesignRun:
         plain = {name: value for name, value in data.items() if name not in ("schema", "kind")}
         try:
             plain["limits"] = {name: LimitValue(**limit) for name, limit in plain["limits"].items()}
+            plain |= {name: tuple(plain[name]) for name in ("cases", "notes")}
             return DesignRun(**plain, directory=path)
         except (TypeError, KeyError, AttributeError) as error:
             raise InputError(f"{path} is not a readable directory of a design: {error}") from None

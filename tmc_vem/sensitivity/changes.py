@@ -132,7 +132,7 @@ class Changes:
 
         sizes = [np.size(self._value(self._regions[region], region, k)) for region, k in places]
         try:
-            slopes = np.split(rate(values, value), np.cumsum(sizes)[:-1]) if places else []
+            slopes = np.split(rate(values, value, self._system.comm), np.cumsum(sizes)[:-1]) if places else []
         except InputError as error:
             raise InputError(
                 f"'{name}' cannot change alone ({error}); name a parameter of one energy, REGION.PARAMETER"
@@ -218,18 +218,19 @@ class Changes:
                 for known, new in zip(on_mesh, with_value(self._problem, name, v).prescribed(), strict=True)
             ]
             held = Constrained.of(conditions, self._system.owned_nodes, labels_nx)
-            if not np.array_equal(held.dofs, self._system.constrained()):
+            same = np.array_equal(held.dofs, self._system.constrained())
+            if not all(self._system.comm.allgather(same)):  # so that all ranks raise it, or none
                 raise InputError(f"'{name}' changes what is held, not only how far it moves")
             return held.at(self._position)
 
-        return rate(displacements, value)
+        return rate(displacements, value, self._system.comm)
 
     def _of_forces(self, name: str, value: float) -> Float | None:
         before = tuple(forces_of(self._problem))
         other = tuple(forces_of(nearby(self._problem, name, value)))
         if before == other:
             return None
-        return rate(lambda v: self._acting(forces_of(with_value(self._problem, name, v))), value)
+        return rate(lambda v: self._acting(forces_of(with_value(self._problem, name, v))), value, self._system.comm)
 
     def _acting(self, forces: Sequence[Force]) -> Float:
         """(n_owned_nodes, 2) what forces do at the state, whatever other forces the system has."""

@@ -23,8 +23,6 @@ from tmc_vem.system.forces import CavityPressure, FollowerPressure, Force
 
 Float = NDArray[np.float64]
 
-MOVED = 1e-9  # of the mesh's size, and of a displacement: nodes that differ less from what is prescribed have it
-
 
 class Forces:
     """Forces and springs of a problem, each as the work that it does; all ranks make and use it together.
@@ -97,48 +95,28 @@ class ReactionFunctional:
             weight_ni[here] = np.column_stack([-arm_ni[:, 1], arm_ni[:, 0]])
             by_u_ni[here] = np.column_stack([force_ni[:, 1], -force_ni[:, 0]])
             value = float(resultant[2])
-        return Derivative(value, nodes.vector(by_u_ni), nodes.only_constrained(nodes.vector(weight_ni)))
+        held = nodes.only_constrained(nodes.vector(weight_ni))
+        return Derivative(value, nodes.vector(by_u_ni), held, reads_loads=self._direction is None)
 
 
 class PrescribedFunctional:
-    """How far a prescribed displacement or rotation has gone: that of the nodes that it moves, in the mean.
+    """How far a prescribed displacement or rotation has gone, as it is prescribed: whatever u is.
 
     Args:
         words: what it is called.
-        condition: what is prescribed, with its axes on the mesh.
+        condition: what is prescribed.
         nodes: of the discretisation.
     """
 
     def __init__(self, words: str, condition: Condition, nodes: Nodes) -> None:
         self.words, self._nodes, self._condition = words, nodes, condition
-        self._here = nodes.system.owned_nodes(condition.where)
 
     def derivative(self, state: FunctionalState) -> Derivative:
         """Value and derivatives at a state."""
-        nodes, condition, here = self._nodes, self._condition, self._here
+        condition = self._condition
+        per_load = condition.amplitude.per_load(state.position) * condition.value
         value = condition.at(state.position)
-        points_nx = nodes.points_nx[here]
-        moved_ni = nodes.along(state.u)[here]
-        weight_ni = np.zeros((nodes.n_owned, 2))
-        if isinstance(condition, PrescribedRotation):
-            arm_ni = points_nx + moved_ni - np.asarray(condition.about)
-            length2_n = (arm_ni**2).sum(axis=1)
-            turns = length2_n > (MOVED * nodes.system.size) ** 2
-            by_ni = np.column_stack([-arm_ni[:, 1], arm_ni[:, 0]]) / np.where(turns, length2_n, 1.0)[:, None]
-            expected_ni = condition.along(state.position, points_nx).T
-            away_n = np.hypot(*(moved_ni - expected_ni).T)
-            chosen, by_ni = turns & self._close(away_n), np.degrees(by_ni)
-        else:
-            (axis,) = condition.axes
-            chosen = self._close(np.abs(moved_ni @ np.asarray(axis) - value))  # another condition may hold some
-            by_ni = np.broadcast_to(np.asarray(axis), moved_ni.shape)
-        total = sum(nodes.system.comm.allgather(int(chosen.sum())))
-        weight_ni[here[chosen]] = by_ni[chosen] / max(total, 1)
-        return Derivative(value, nodes.vector(weight_ni))
-
-    def _close(self, away_n: Float) -> NDArray[np.bool_]:
-        close: NDArray[np.bool_] = away_n <= MOVED * self._nodes.system.size
-        return close
+        return Derivative(value, self._nodes.vector(), per_load=per_load, reads_loads=True)
 
 
 class WorkFunctional:
@@ -164,7 +142,7 @@ class WorkFunctional:
         """Value and derivatives at a state."""
         done, gradient = self._forces.gradient(self._acting, state.u)
         gradient.scale(1.0 / self._magnitude)
-        return Derivative(self._area + done / self._magnitude, gradient)
+        return Derivative(self._area + done / self._magnitude, gradient, reads_loads=True)
 
 
 class ComplianceFunctional:
@@ -199,7 +177,7 @@ class ComplianceFunctional:
             total += factor * done
             per_load += acting.force.amplitude.per_load(state.position) * acting.factor * done
             by_u.axpy(factor, gradient)
-        return Derivative(total, by_u, per_load=per_load)
+        return Derivative(total, by_u, per_load=per_load, reads_loads=True)
 
 
 def reaction_probe(probe: Reaction, nodes: Nodes) -> ReactionFunctional:
@@ -227,9 +205,9 @@ def of_load(
         if quantity == force:
             raise InputError(f"{words} is given, no result: take its {moved}, or 'compliance', the work of all forces")
         return WorkFunctional(words, load, forces, nodes)
-    condition = _on_mesh(load, nodes)
     if quantity == moved:
-        return PrescribedFunctional(words, condition, nodes)
+        return PrescribedFunctional(words, load, nodes)
+    condition = _on_mesh(load, nodes)
     if isinstance(condition, PrescribedRotation):
         return ReactionFunctional(words, condition.where, nodes, None, condition.about)
     return ReactionFunctional(words, condition.where, nodes, condition.axes[0])

@@ -90,6 +90,7 @@ class Derivative:
         by_cells: what j has of parameters directly; None is nothing.
         by_forces: dj/df by the forces that act at the nodes, u held, a vector of the system; None is 0.
         per_load: of j by the load factor, u and these forces held.
+        reads_loads: whether j depends on the numbers of loads besides, u and these forces held.
     """
 
     value: float
@@ -98,6 +99,7 @@ class Derivative:
     by_cells: CellParts | None = None
     by_forces: Vec | None = None
     per_load: float = 0.0
+    reads_loads: bool = False
 
 
 class Functional(Protocol):

@@ -125,10 +125,11 @@ class Gradients:
             if derivative.by_forces is not None:
                 by_forces_ni += self._along(derivative.by_forces)
             mine += float((by_forces_ni * change.force_ni).sum())
-            total += self._explicit(of, change)
         if change.prescribed is not None:
             moved = self._moved(change)
             total += derivative.by_u.dot(moved.u) + field.dot(moved.force)
+        if derivative.reads_loads and (change.force_ni is not None or change.prescribed is not None):
+            total += self._explicit(of, change)
         return float(total + sum(self._comm.allgather(mine)))
 
     def per_load(self, of: str | Functional) -> float:
@@ -225,14 +226,14 @@ class Gradients:
         return shares
 
     def _explicit(self, of: str | Functional, change: Change) -> float:
-        """What a result changes by with forces while nothing moves: of works of forces."""
+        """What a result changes by with loads while nothing moves: work of forces, a centre that moments are about."""
         state = self.equilibrium.state
 
         def value(v: float) -> Float:
             functional = functional_of(of, with_value(self._problem, change.name, v), self._system)
             return np.array([functional.derivative(state).value])
 
-        return float(rate(value, change.value)[0])
+        return float(rate(value, change.value, self._comm)[0])
 
     def _along(self, vector: Vec) -> Float:
         """(n_owned_nodes, 2) components along x and y of this rank's part of a vector."""

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from tmc_vem.problems.base import Problem
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.support.assignments import keys
+from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import key_of, require_known
 
@@ -26,6 +27,9 @@ Float = NDArray[np.float64]
 # Steps of the differences relative to the number: what they are of is given by formulas, not by a solver.
 FIRST_STEP, HALVINGS = 2e-3, 5
 LAST_STEP = 1e-9
+# What two extrapolations may differ by without smaller steps, and steps from which on no smaller ones are tried.
+EXACT, SMALL_STEP = 1e-11, 1e-6
+NEARBY = (1e-3, -1e-3, 1e-6, -1e-6)  # relative: where it is looked at what a number changes at all
 _NAMES = ("name", "at")
 
 
@@ -63,43 +67,79 @@ def with_value(problem: Problem, name: str, value: float) -> Problem:
 
 
 def nearby(problem: Problem, name: str, value: float) -> Problem:
-    """The problem with a value near that of one of its numbers, above it or, where that is out of its range, below.
+    """The problem with a value near that of one of its numbers, above it or below, where its range allows it.
 
     Raises:
-        InputError: the number cannot change.
+        InputError: there is no such number, or it cannot change alone.
     """
-    step = FIRST_STEP * (abs(value) or 1.0)
-    try:
-        return with_value(problem, name, value + step)
-    except InputError:
-        return with_value(problem, name, value - step)
+    for step in NEARBY:
+        try:
+            return with_value(problem, name, value + step * (abs(value) or 1.0))
+        except InputError:
+            continue
+    return with_value(problem, name, value + NEARBY[0] * (abs(value) or 1.0))
 
 
-def rate(function: Callable[[float], Float], at: float) -> Float:
+def rate(function: Callable[[float], Float], at: float, comm: Comm | None = None) -> Float:
     """Derivative of a smooth function of a number: differences, extrapolated (Ridders 1982), central ones unless the
     number is at an end of its range.
 
     Args:
         function: gives an array, always of the same shape.
         at: where.
+        comm: ranks that call this together: then they take the same steps, and what is raised on one is on all.
 
     Raises:
         InputError: the function raises it on both sides however near.
     """
+    if comm is not None:
+        function = _on_all(function, comm)
     scale, faults = abs(at) if at else 1.0, []
     for sides in ((1.0, -1.0), (1.0, 0.0), (0.0, -1.0)):
+        found: tuple[Float, Float] | None = None
         step = FIRST_STEP * scale
         while step >= LAST_STEP * scale:
             try:
-                return _extrapolated(function, at, step, sides)
-            except InputError as error:
-                faults.append(error)
-                step /= 10.0
+                best, error = _extrapolated(function, at, step, sides)
+            except InputError as fault:
+                faults.append(fault)
+            else:
+                if found is not None:
+                    better = error < found[1]
+                    best, error = np.where(better, best, found[0]), np.where(better, error, found[1])
+                size = np.abs(best) + np.abs(function(at)) / scale
+                enough = bool((error <= EXACT * size).all())
+                if (enough if comm is None else all(comm.allgather(enough))) or step < SMALL_STEP * scale:
+                    return best
+                found = best, error  # near a pole, as of the bulk modulus at nu = 0.5, the steps have to be smaller
+            step /= 10.0
+        if found is not None:
+            return found[0]
     raise faults[0]
 
 
-def _extrapolated(function: Callable[[float], Float], at: float, step: float, sides: tuple[float, float]) -> Float:
-    """Of the table of extrapolated differences, for each entry the value that its neighbours agree with best."""
+def _on_all(function: Callable[[float], Float], comm: Comm) -> Callable[[float], Float]:
+    """A function of all ranks that raises on all what it raises on one."""
+
+    def on_all(at: float) -> Float:
+        value, fault = np.zeros(0), None
+        try:
+            value = function(at)
+        except InputError as error:
+            fault = error
+        for raised in comm.allgather(fault):
+            if raised is not None:
+                raise raised
+        return value
+
+    return on_all
+
+
+def _extrapolated(
+    function: Callable[[float], Float], at: float, step: float, sides: tuple[float, float]
+) -> tuple[Float, Float]:
+    """Of the table of extrapolated differences, for each entry the value that its neighbours agree with best, and by
+    how much they differ."""
     best, error = np.zeros(0), np.zeros(0)
     row: list[Float] = []
     ahead, behind = sides
@@ -116,7 +156,7 @@ def _extrapolated(function: Callable[[float], Float], at: float, step: float, si
                 better = spread < error
                 best, error = np.where(better, new[k + 1], best), np.where(better, spread, error)
         row = new
-    return best
+    return best, error
 
 
 def _root(problem: Problem) -> Any:
