@@ -139,8 +139,6 @@ class LoadCase:
         budget = Budget(self._options.max_iterations or MOST_ITERATIONS)
         self.why_not = ""
         try:
-            if self._end.parameters:  # a load that could not be applied in full has left others
-                self.system.set_parameters(self._end.parameters)
             warm = not from_start and self.u is not None and any(self._follow(mine, parts, budget) for parts in PARTS)
             self._set(mine)
             jumped = False if warm else self._load(budget)
