@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.design.evaluation import Evaluation, Iterate, Optimum
 from tmc_vem.design.evaluator import Evaluator, Worth
-from tmc_vem.design.optimisers import minimise
+from tmc_vem.design.optimisers import minimise, require
 from tmc_vem.design.projection import Continuation, Projection
 from tmc_vem.design.record import Record
 from tmc_vem.design.replay import Replay
@@ -19,6 +19,7 @@ from tmc_vem.problems.design_table import DesignTable
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.support.distributed import Comm
+from tmc_vem.support.errors import InputError
 
 Float = NDArray[np.float64]
 
@@ -86,7 +87,7 @@ class Optimisation:
         comm: ranks; all by default.
 
     Raises:
-        InputError: the problem has no design, or a load case is wrong.
+        InputError: the problem has no design, a load case is wrong, or NLopt is missing.
 
     Attributes:
         evaluator: evaluates designs.
@@ -100,6 +101,9 @@ class Optimisation:
         options: RunOptions | None = None,
         comm: Comm | None = None,
     ) -> None:
+        design = problem.table.design
+        if design is not None:
+            require(design.method)
         self.evaluator = Evaluator(problem, options or RunOptions(), MPI.COMM_WORLD if comm is None else comm)
         self.replay = Replay(self._evaluate)
         self.steps: list[DesignStep] = []
@@ -151,11 +155,33 @@ class Optimisation:
         evaluation = self.evaluator(z)
         worth = self.evaluator.worth
         assert worth is not None
+        if not self.steps:
+            self._require_good_first(evaluation, worth)
         del self._worths[len(self.steps) :]  # of a record that was of another search
         self._worths.append(worth)
         if self.on_evaluation is not None:
             self.on_evaluation(len(self.steps) + 1, Record(z, evaluation, worth))
         return evaluation
+
+    def _require_good_first(self, evaluation: Evaluation, worth: Worth) -> None:
+        """Check that there is something to begin with, and to gain.
+
+        Raises:
+            InputError: the first design has no equilibrium, or the objective depends on no cell.
+        """
+        table = self.table
+        if not np.isfinite(evaluation.objective):
+            raise InputError(
+                f"the first design, of volume {worth.volume:.4g}, has no equilibrium at full load that was found "
+                f"({'; '.join(worth.notes)}): begin with a stiffer one (start = 1), apply a smaller load, and see that "
+                "what is loaded and held is not void"
+            )
+        if not evaluation.gradient.any():
+            what = "minimise" if table.minimise else "maximise"
+            raise InputError(
+                f"design: {what} = '{table.objective}' does not depend on the design: its derivative is 0 in every "
+                "cell; choose another result, such as compliance or reaction"
+            )
 
     def _levels(self) -> list[tuple[Projection | None, int]]:
         """Projections with the most evaluations on each."""

@@ -23,6 +23,16 @@ METHODS = ("mma", "ccsaq", "oc")
 NOT_STATIONARY, WORTH_IT = 0.1, 1e-3
 
 
+def require(method: str) -> None:
+    """Check that a method is there, before anything long is done.
+
+    Raises:
+        InputError: it needs nlopt, which is not installed.
+    """
+    if method != "oc":
+        nlopt_methods.library(method)
+
+
 def minimise(
     evaluate: Evaluate,
     z0: Float,
