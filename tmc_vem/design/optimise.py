@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from mpi4py import MPI
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.design.evaluation import Evaluation, Iterate, Optimum
 from tmc_vem.design.evaluator import Evaluator, Worth
-from tmc_vem.design.optimisers import minimise, require
+from tmc_vem.design.optimisers import FirstDesignFailed, minimise, require
 from tmc_vem.design.projection import Continuation, Projection
 from tmc_vem.design.record import Record
 from tmc_vem.design.replay import Replay
@@ -105,6 +105,8 @@ class Optimisation:
         if design is not None:
             require(design.method)
         self.evaluator = Evaluator(problem, options or RunOptions(), MPI.COMM_WORLD if comm is None else comm)
+        if self.table.method == "oc" and (self.table.volume is None or self.table.limits):
+            raise InputError("design: method 'oc' is for a volume alone: give one and no limits, or use method 'mma'")
         self.replay = Replay(self._evaluate)
         self.steps: list[DesignStep] = []
         self.on_evaluation: OnEvaluation | None = None
@@ -136,7 +138,21 @@ class Optimisation:
                 break
             self.evaluator.project(projection)
             last = level == len(levels) - 1
-            optimum = self._search(z, left if last else min(most, left), level, projection, on_design)
+            try:
+                found = self._search(z, left if last else min(most, left), level, projection, on_design)
+            except FirstDesignFailed:
+                why = "; ".join(self._worths[len(self.steps) - 1].notes)
+                if optimum is None or projection is None:
+                    raise InputError(
+                        f"the first design could not be evaluated ({why}): begin with a stiffer one (start = 1), apply "
+                        "a smaller load, and see that what is loaded and held is not void"
+                    ) from None
+                # steeper, the best design has no equilibrium: it stays as it is
+                reason = f"with beta = {projection.beta:g}, the best design could not be evaluated ({why})"
+                optimum = replace(optimum, reason=f"{optimum.reason}; {reason}", converged=False)
+                self.evaluator.project(levels[level - 1][0])
+                break
+            optimum = found
             z, left = optimum.z, left - optimum.evaluations
         assert optimum is not None
         worth = self._at_the_end(z)
@@ -156,27 +172,21 @@ class Optimisation:
         worth = self.evaluator.worth
         assert worth is not None
         if not self.steps:
-            self._require_good_first(evaluation, worth)
+            self._require_dependence(evaluation)
         del self._worths[len(self.steps) :]  # of a record that was of another search
         self._worths.append(worth)
         if self.on_evaluation is not None:
             self.on_evaluation(len(self.steps) + 1, Record(z, evaluation, worth))
         return evaluation
 
-    def _require_good_first(self, evaluation: Evaluation, worth: Worth) -> None:
-        """Check that there is something to begin with, and to gain.
+    def _require_dependence(self, evaluation: Evaluation) -> None:
+        """Check that there is something to gain.
 
         Raises:
-            InputError: the first design has no equilibrium, or the objective depends on no cell.
+            InputError: the objective depends on no cell.
         """
         table = self.table
-        if not np.isfinite(evaluation.objective):
-            raise InputError(
-                f"the first design, of volume {worth.volume:.4g}, has no equilibrium at full load that was found "
-                f"({'; '.join(worth.notes)}): begin with a stiffer one (start = 1), apply a smaller load, and see that "
-                "what is loaded and held is not void"
-            )
-        if not evaluation.gradient.any():
+        if np.isfinite(evaluation.objective) and not evaluation.gradient.any():
             what = "minimise" if table.minimise else "maximise"
             raise InputError(
                 f"design: {what} = '{table.objective}' does not depend on the design: its derivative is 0 in every "
