@@ -128,7 +128,7 @@ def test_where_cells_go_without_a_name(
         (["{runs}/plug", "--by", "mesh.size"], "'mesh.size' makes the mesh"),
         (["{runs}/plug", "--by", "regions.foot.solid.c10"], "'regions.foot.solid.c10' is not given"),
         (["box", "--set", "medium.friction=0.3"], "region 'medium' has friction"),
-        (["box", "--set", "cells=[20,5]", "--set", "solve.element.interior_penalty=full"], "use --interior-pen"),
+        (["box", "--set", "cells=[20,5]", "--set", "solve.element.interior_penalty=full"], "leave it out (--interior"),
         (["box", "--set", "cells=[20,5]", "--by", "wall"], "'wall' makes the mesh"),
     ],
 )  # fmt: skip

@@ -103,6 +103,8 @@ class LoadCase:
         self._functionals: dict[object, Functional] = {
             name: functional_of(name, problem, self.system) for name in wanted
         }
+        for _ in self.system.parameter_derivatives(self.system.create_vector()):  # those that are refused, at once
+            break
         self.u: Vec | None = None
         self.stiffness_c: Float | None = None
         self.on_iteration: OnIteration | None = None

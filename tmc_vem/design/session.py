@@ -151,6 +151,11 @@ class _Session:
             checkpoint: Checkpoint = from_root(comm, lambda: read_states(directory.path, self.compared))
             n_variables, n = evaluator.parametrisation.n_variables, int(checkpoint.facts["evaluation"])
             records = from_root(comm, lambda: directory.records(n_variables, n))
+            most = self.search.table.iterations
+            if n > most:
+                raise InputError(
+                    f"{directory.path} has {n} evaluations, more than iterations = {most}: give {n} or more"
+                )
             if len(records) < n:
                 raise InputError(
                     f"{directory.path} has {len(records)} good evaluations, but the last states are those of number "
