@@ -18,6 +18,7 @@ from tmc_vem.problems import Box, Medium
 from tmc_vem.sensitivity import SensitivityWarning, of_directory, sensitivities
 from tmc_vem.sensitivity.at_end import solved
 from tmc_vem.sensitivity.differences import central_differences, checked
+from tmc_vem.sensitivity.numbers import rate, with_value
 from tmc_vem.sensitivity.per_cell import per_cell
 from tmc_vem.simulation.problem_file import problem_text, read_problem
 from tmc_vem.support.errors import ConvergenceError, InputError
@@ -158,6 +159,9 @@ def test_what_has_no_derivative_is_said_before_anything_is_solved(
         (own(), "solve.steps", "has no 'steps'"),
         (own(), "load.uy", "'load.uy' belongs to no cells"),
         (own(FRICTION), "load.uy", "region 'medium' has friction"),
+        (own(SEAL.replace("beta = 1", "beta = 0")), "regions.medium.medium.beta",
+         "'regions.medium.medium.beta' cannot change alone (region 'medium' has another energy with other values)"),
+        (own(SEAL.replace("beta = 1", "beta = 0")), "regions.medium.medium.log_j", "has another energy"),
         (own(SHARED), "regions.foot.solid.mu",
          "'regions.foot.solid.mu' cannot change alone (regions: medium: medium lacks 'mu'"),
     ],
@@ -166,6 +170,46 @@ def test_what_problem_files_have_no_derivative_by(problem, by: str, message: str
     with pytest.raises(InputError) as error:
         solved(problem, RunOptions(snapshots=0), ["gap"], [by], in_cells=True)
     assert message in str(error.value)
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 1.0])
+def test_numbers_at_an_end_of_their_range_have_derivatives(stiffness: float) -> None:
+    text = SEAL.replace(
+        "solid = { E = 40, nu = 0.3 }",
+        f"solid = {{ E = 40, nu = 0.3 }}, stiffness = {stiffness}, "
+        "medium = { mu = 10, gamma = 1e-1, alpha = 1, h = 0.2, beta = 1 }",
+    ).replace("uy = -0.18", "uy = -0.05")
+    case = case_of(own(text, "probes.cut"), steps=4)
+    slope, h = case.found.gradient("hold", "regions.foot.stiffness"), 1e-4 if stiffness == 0.0 else -1e-4
+    start, once, twice = (
+        case.nearby("regions.foot.stiffness", stiffness + d, ["hold"])["hold"] for d in (0.0, h, h / 2)
+    )
+    assert slope == pytest.approx(2 * (twice - start) / (h / 2) - (once - start) / h, rel=1e-4)
+
+
+def test_other_numbers_do_not_combine_shapes_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = own()
+    monkeypatch.setattr("tmc_vem.problems.own.combine", lambda *_: pytest.fail("shapes were combined"))
+    moved = with_value(problem, "load.uy", -0.1)
+    assert isinstance(moved, type(problem))
+    assert (moved.load().value, problem.load().value) == (-0.1, -0.18)
+    monkeypatch.undo()
+    assert moved.make_mesh().points_vx.tolist() == problem.make_mesh().points_vx.tolist()
+    lower = own(SEAL.replace("0, 0, 1, 0.3]", "0, 0, 1, 0.25]").replace("[0.5, 0.3]", "[0.5, 0.25]"))
+    other = problem.with_table(lower.table)
+    assert other.make_mesh().points_vx.tolist() == lower.make_mesh().points_vx.tolist()
+
+
+@pytest.mark.parametrize("at", [0.3, 1.0])
+def test_rates_of_formulas_are_exact_to_rounding(at: float) -> None:
+    def function(x: float) -> np.ndarray:
+        if x > 1.0:
+            raise InputError("too large")
+        return np.array([np.exp(2.0 * x), x**3, 5.0])
+
+    assert rate(function, at) == pytest.approx([2.0 * np.exp(2.0 * at), 3.0 * at**2, 0.0], rel=1e-10, abs=1e-10)
+    with pytest.raises(InputError, match="too large"):
+        rate(function, 2.0)
 
 
 def test_interior_penalties_and_supports_of_stages_are_refused() -> None:

@@ -18,6 +18,7 @@ from tmc_vem.design.projection import Projection
 from tmc_vem.design.symmetry import Mirror
 from tmc_vem.design.variables import Parametrisation, parametrise
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.problems.description import ProblemTable
 from tmc_vem.problems.design_region import design_regions
 from tmc_vem.problems.design_table import DesignTable, LimitTable, PassiveTable
 from tmc_vem.problems.own import OwnProblem
@@ -159,7 +160,8 @@ class Evaluator:
                 notes += [note] if note else []
             if found is None:
                 volume = self.parametrisation.volume(z)
-                notes.append(f"{case.name}: no equilibrium was found at full load")
+                why = f": {case.why_not}" if case.why_not else ""
+                notes.append(f"{case.name}: no equilibrium was found at full load{why}")
                 self.worth = Worth({}, volume, 0, time.perf_counter() - began, tuple(notes))
                 return Evaluation.failed(len(z), n_constraints)
             notes += [found.note] if found.note else []
@@ -231,7 +233,18 @@ def _problems(problem: OwnProblem, table: DesignTable) -> dict[str, OwnProblem]:
             found[case.name] = with_changes(problem, case.set)
         except InputError as error:
             raise InputError(f"design: cases: {case.name}: {error}") from None
+        if _cells(found[case.name].table) != _cells(problem.table):
+            raise InputError(
+                f"design: cases: {case.name}: it has another mesh or other regions, so that its cells are not those of "
+                "the design: a load case changes loads, supports, springs and materials"
+            )
     return found
+
+
+def _cells(table: ProblemTable) -> tuple[object, ...]:
+    """What the cells of a problem and those of its design follow from."""
+    regions = [(name, of.shape, of.solid is not None, of.medium is not None) for name, of in table.regions.items()]
+    return table.mesh, table.shapes, table.points, regions
 
 
 def _parametrisation(problem: OwnProblem, table: DesignTable, mesh: PolygonMesh) -> Parametrisation:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from tmc_vem.sensitivity.functionals import functional_of
 from tmc_vem.sensitivity.functionals_record import Functional
 from tmc_vem.sensitivity.gradient import Gradients
 from tmc_vem.simulation.options import RunOptions
+from tmc_vem.simulation.overlap import OverlapWatch
 from tmc_vem.simulation.plan import control_path
 from tmc_vem.simulation.simulation import prepare, stepping_of
 from tmc_vem.solve.budget import Budget, OutOfBudget
@@ -33,7 +35,7 @@ Float = NDArray[np.float64]
 
 INFINITY = 3  # PETSc's number of this norm
 PARTS = (1, 4)  # in which a design is changed to the next one, if the first does not do
-MOST_ITERATIONS = 500  # of Newton's method for one design, unless max_iterations says otherwise
+MOST_ITERATIONS = 500  # of Newton's method for one load case of a design
 FAR = 0.1  # of the mesh's size: a state that has moved further between two designs is looked at again from load 0
 SAME = 1e-5  # relative: results of the same state, found in two ways
 
@@ -80,6 +82,7 @@ class LoadCase:
         u: the last state at full load; None before there is one.
         stiffness_c: (n_cells of the whole mesh,) the design that it is of.
         on_iteration: called after every Newton iteration; what it raises ends the work.
+        why_not: why no equilibrium was found for the last design; empty if one was.
     """
 
     def __init__(self, name: str, problem: Problem, options: RunOptions, wanted: tuple[str, ...], comm: Comm) -> None:
@@ -89,7 +92,11 @@ class LoadCase:
             raise InputError(
                 f"load case '{name}': no region has both a solid and a medium, so that nothing is designed"
             )
+        if options.follow:
+            raise InputError("follow does not go with a design, whose results are those at full load: leave it out")
         simulation = prepare(problem, None, options, comm=comm)
+        assert isinstance(simulation.solver.admission, OverlapWatch)
+        self._watch = simulation.solver.admission
         self.system, self._solver = simulation.system, simulation.solver
         self._path, self._stepping = control_path(problem, options), stepping_of(options)
         self._end = self._path.at(self._path.end)
@@ -99,15 +106,22 @@ class LoadCase:
         self.u: Vec | None = None
         self.stiffness_c: Float | None = None
         self.on_iteration: OnIteration | None = None
+        self.why_not = ""
 
     @property
     def shift(self) -> float:
         """What Newton's method remembers besides the state: the last shift of an indefinite tangent."""
         return self._solver.last_shift
 
-    def remember(self, u: Vec | None, stiffness_c: Float | None, shift: float) -> None:
+    @property
+    def watched(self) -> tuple[bool, bool]:
+        """Whether solids are watched for overlaps by now, and whether some have crossed."""
+        return self._watch.is_active, self._watch.crossed
+
+    def remember(self, u: Vec | None, stiffness_c: Float | None, shift: float, watched: tuple[bool, bool]) -> None:
         """Go on from the last state of a search that was stopped."""
         self.u, self.stiffness_c, self._solver.last_shift = u, stiffness_c, shift
+        self._watch.is_active, self._watch.crossed = watched
 
     def solve(self, stiffness_c: Float, *, from_start: bool = False) -> Solved | None:
         """Equilibrium at full load with stiffnesses (n_cells of the whole mesh,), from 0 to 1; those of cells that are
@@ -122,17 +136,23 @@ class LoadCase:
         """
         mine = self._mine(stiffness_c)
         before = self._solver.iterations_done
-        budget = Budget(self._options.max_iterations or MOST_ITERATIONS)
+        budget = Budget(MOST_ITERATIONS)
+        self.why_not = ""
         try:
+            if self._end.parameters:  # a load that could not be applied in full has left others
+                self.system.set_parameters(self._end.parameters)
             warm = not from_start and self.u is not None and any(self._follow(mine, parts, budget) for parts in PARTS)
             self._set(mine)
             jumped = False if warm else self._load(budget)
-        except (OutOfBudget, _NotReached):
+        except (OutOfBudget, _NotReached) as error:
+            limit = "; max_iterations is the limit for one design" if budget.used_up else ""
+            self.why_not = f"{error}{limit}"
             return None
         self.stiffness_c = stiffness_c.copy()
         try:
             values, by_stiffness = self._results()
-        except SingularTangent:
+        except SingularTangent as error:
+            self.why_not = str(error)
             return None
         iterations = self._solver.iterations_done - before
         note = f"{self.name}: a branch ended on the way to full load" if jumped else ""
@@ -172,6 +192,8 @@ class LoadCase:
         assert self.u is not None
         assert self.stiffness_c is not None
         before_c1 = self._mine(self.stiffness_c)
+        if self._end.parameters:  # a load that could not be applied may have left others
+            self.system.set_parameters(self._end.parameters)
         u, moved = self.u.copy(), self.u.duplicate()
         for part in range(1, parts + 1):
             between_c1 = before_c1 + (part / parts) * (stiffness_c1 - before_c1)
@@ -208,14 +230,15 @@ class LoadCase:
             self._solver, self._stepping, on_step, control_path(self._problem, self._options),
             on_iteration=self._spending(budget),
         )  # fmt: skip
-        if not stepper.run(u).complete:
-            raise _NotReached
+        outcome = stepper.run(u)
+        if not outcome.complete:
+            raise _NotReached(f"the load stopped at {outcome.load:.4g}: {outcome.reason}")
         self.u = u
         return any(jumps)
 
     def _results(self) -> tuple[dict[str, float], dict[str, Float]]:
         assert self.u is not None
-        equilibrium = Equilibrium(self._solver, self.system, self.u, self._end)
+        equilibrium = Equilibrium(self._solver, self.system, self.u, self._end, partial(self._watch.behind, self.u))
         gradients = Gradients(self._problem, equilibrium, self._functionals)
         values, slopes = {}, {}
         for name in self._wanted:

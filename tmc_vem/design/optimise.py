@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from mpi4py import MPI
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.design.evaluation import Evaluation, Iterate, Optimum
 from tmc_vem.design.evaluator import Evaluator, Worth
-from tmc_vem.design.optimisers import minimise
+from tmc_vem.design.optimisers import FirstDesignFailed, minimise
 from tmc_vem.design.projection import Continuation, Projection
 from tmc_vem.design.record import Record
 from tmc_vem.design.replay import Replay
@@ -19,6 +19,7 @@ from tmc_vem.problems.design_table import DesignTable
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.support.distributed import Comm
+from tmc_vem.support.errors import InputError
 
 Float = NDArray[np.float64]
 
@@ -101,6 +102,8 @@ class Optimisation:
         comm: Comm | None = None,
     ) -> None:
         self.evaluator = Evaluator(problem, options or RunOptions(), MPI.COMM_WORLD if comm is None else comm)
+        if self.table.method == "oc" and (self.table.volume is None or self.table.limits):
+            raise InputError("design: method 'oc' is for a volume alone: give one and no limits, or use method 'mma'")
         self.replay = Replay(self._evaluate)
         self.steps: list[DesignStep] = []
         self.on_evaluation: OnEvaluation | None = None
@@ -132,7 +135,20 @@ class Optimisation:
                 break
             self.evaluator.project(projection)
             last = level == len(levels) - 1
-            optimum = self._search(z, left if last else min(most, left), level, projection, on_design)
+            try:
+                found = self._search(z, left if last else min(most, left), level, projection, on_design)
+            except FirstDesignFailed:
+                why = "; ".join(self._worths[len(self.steps) - 1].notes)
+                if optimum is None or projection is None:
+                    raise InputError(
+                        f"the first design could not be evaluated ({why}): begin with another one"
+                    ) from None
+                # steeper, the best design has no equilibrium: it stays as it is
+                reason = f"with beta = {projection.beta:g}, the best design could not be evaluated ({why})"
+                optimum = replace(optimum, reason=f"{optimum.reason}; {reason}", converged=False)
+                self.evaluator.project(levels[level - 1][0])
+                break
+            optimum = found
             z, left = optimum.z, left - optimum.evaluations
         assert optimum is not None
         worth = self._at_the_end(z)

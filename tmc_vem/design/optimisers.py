@@ -23,6 +23,10 @@ METHODS = ("mma", "ccsaq", "oc")
 NOT_STATIONARY, WORTH_IT = 0.1, 1e-3
 
 
+class FirstDesignFailed(InputError):
+    """There is nothing to begin with."""
+
+
 def minimise(
     evaluate: Evaluate,
     z0: Float,
@@ -78,7 +82,7 @@ def minimise(
     history = History(evaluate, upper - lower, n_constraints, feasibility, on_iteration)
     first = history.at(z0)
     if not np.isfinite(first.objective):
-        raise InputError("the first design could not be evaluated: begin with another one")
+        raise FirstDesignFailed("the first design could not be evaluated: begin with another one")
     starts = 1
     if method == "oc":
         reason = optimality_criteria(

@@ -43,7 +43,8 @@ def write_states(
         "inputs": inputs,
         "evaluation": evaluation,
         "cases": [
-            {"name": name, "shift": case.shift, "stiffness": _as_text(case.stiffness_c)} for name, case in cases.items()
+            {"name": name, "shift": case.shift, "watched": case.watched, "stiffness": _as_text(case.stiffness_c)}
+            for name, case in cases.items()
         ],
     }
     mine = Checkpoint(facts if comm.rank == 0 else {}, labels_nz, np.array([_nodal(case) for case in cases.values()]))
@@ -79,7 +80,8 @@ def restore(checkpoint: Checkpoint, cases: Mapping[str, LoadCase]) -> None:
         if entry["stiffness"] is not None:
             u = case.system.create_vector()
             u.getArray()[:] = states_sni[n].ravel()
-        case.remember(u, _as_numbers(entry["stiffness"]), entry["shift"])
+        is_active, crossed = entry.get("watched", (False, False))
+        case.remember(u, _as_numbers(entry["stiffness"]), entry["shift"], (is_active, crossed))
 
 
 def _as_text(values: Float | None) -> str | None:

@@ -75,7 +75,9 @@ class Changes:
             value = self._position.parameters.get(
                 parameter_of(region, parameter), self._regions[region].values[parameter]
             )
-            slope = self._factors(self._regions[region], region, parameter) if self._varies(region, parameter) else 1.0
+            slope: float | Float = 1.0
+            if self._varies(region, parameter):
+                slope = self._factors(self._regions[region], region, parameter)
             return Change(name, value, {region: {parameter: slope}})
         value = value_of(self._problem, name)
         self._check_place(name)
@@ -111,9 +113,8 @@ class Changes:
         """Whether a mesh differs with a number."""
 
         def differs() -> bool:
-            value = value_of(self._problem, name)
             try:
-                other = with_value(self._problem, name, 1.001 * value).make_mesh().points_vx
+                other = nearby(self._problem, name, value_of(self._problem, name)).make_mesh().points_vx
             except InputError:  # a number of cells, say
                 return True
             points = self._problem.make_mesh().points_vx
@@ -131,7 +132,7 @@ class Changes:
 
         sizes = [np.size(self._value(self._regions[region], region, k)) for region, k in places]
         try:
-            slopes = np.split(rate(values, value), np.cumsum(sizes)[:-1]) if places else []
+            slopes = np.split(rate(values, value, self._system.comm), np.cumsum(sizes)[:-1]) if places else []
         except InputError as error:
             raise InputError(
                 f"'{name}' cannot change alone ({error}); name a parameter of one energy, REGION.PARAMETER"
@@ -155,18 +156,23 @@ class Changes:
 
     def _value(self, energy: RegionEnergy, region: str, parameter: str) -> float | Float:
         if self._varies(region, parameter):
-            return self._in_cells(energy, region, parameter)
+            return energy.values[parameter] * self._factors(energy, region, parameter)
         return energy.values[parameter]
 
     def _at(self, name: str, value: float) -> Mapping[str, RegionEnergy]:
-        return with_value(self._problem, name, value).regions()
+        """Regions with another value of a number.
 
-    def _in_cells(self, energy: RegionEnergy, region: str, parameter: str) -> Float:
-        """(n_cells,) values of a parameter that varies, in this rank's cells of a region; 0 in others."""
-        return energy.values[parameter] * self._factors(energy, region, parameter)
+        Raises:
+            InputError: one of them has another energy then, such as a medium that is damped.
+        """
+        changed = with_value(self._problem, name, value).regions()
+        for region, of in self._regions.items():
+            if changed[region].energy.parameters != of.energy.parameters:
+                raise InputError(f"region '{region}' has another energy with other values")
+        return changed
 
     def _factors(self, energy: RegionEnergy, region: str, parameter: str) -> Float:
-        """(n_cells,) what the region's value is multiplied with there."""
+        """(n_cells,) what a parameter that varies is multiplied with in this rank's cells of a region; 0 in others."""
         assert energy.graded is not None
         centroid_cx, here_c = self._cells
         factor_c = np.zeros(len(centroid_cx))
@@ -217,14 +223,14 @@ class Changes:
                 raise InputError(f"'{name}' changes what is held, not only how far it moves")
             return held.at(self._position)
 
-        return rate(displacements, value)
+        return rate(displacements, value, self._system.comm)
 
     def _of_forces(self, name: str, value: float) -> Float | None:
         before = tuple(forces_of(self._problem))
         other = tuple(forces_of(nearby(self._problem, name, value)))
         if before == other:
             return None
-        return rate(lambda v: self._acting(forces_of(with_value(self._problem, name, v))), value)
+        return rate(lambda v: self._acting(forces_of(with_value(self._problem, name, v))), value, self._system.comm)
 
     def _acting(self, forces: Sequence[Force]) -> Float:
         """(n_owned_nodes, 2) what forces do at the state, whatever other forces the system has."""

@@ -233,7 +233,7 @@ class Gradients:
             functional = functional_of(of, with_value(self._problem, change.name, v), self._system)
             return np.array([functional.derivative(state).value])
 
-        return float(rate(value, change.value)[0])
+        return float(rate(value, change.value, self._comm)[0])
 
     def _along(self, vector: Vec) -> Float:
         """(n_owned_nodes, 2) components along x and y of this rank's part of a vector."""

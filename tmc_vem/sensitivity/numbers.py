@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from tmc_vem.problems.base import Problem
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.support.assignments import keys
+from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import key_of, require_known
 
@@ -79,48 +80,75 @@ def nearby(problem: Problem, name: str, value: float) -> Problem:
     return with_value(problem, name, value + NEARBY[0] * (abs(value) or 1.0))
 
 
-def rate(function: Callable[[float], Float], at: float) -> Float:
-    """Derivative of a smooth function of a number: central differences, extrapolated (Ridders 1982).
+def rate(function: Callable[[float], Float], at: float, comm: Comm | None = None) -> Float:
+    """Derivative of a smooth function of a number: differences, extrapolated (Ridders 1982), central ones unless the
+    number is at an end of its range.
 
     Args:
         function: gives an array, always of the same shape.
         at: where.
+        comm: ranks that call this together: then they take the same steps, and what is raised on one is on all.
 
     Raises:
         InputError: the function raises it on both sides however near.
     """
-    scale = abs(at) if at else 1.0
-    step = FIRST_STEP * scale
-    found: tuple[Float, Float] | None = None
-    while step >= LAST_STEP * scale:
+    if comm is not None:
+        function = _on_all(function, comm)
+    scale, faults = abs(at) if at else 1.0, []
+    for sides in ((1.0, -1.0), (1.0, 0.0), (0.0, -1.0)):
+        found: tuple[Float, Float] | None = None
+        step = FIRST_STEP * scale
+        while step >= LAST_STEP * scale:
+            try:
+                best, error = _extrapolated(function, at, step, sides)
+            except InputError as fault:
+                faults.append(fault)
+            else:
+                if found is not None:
+                    better = error < found[1]
+                    best, error = np.where(better, best, found[0]), np.where(better, error, found[1])
+                size = np.abs(best) + np.abs(function(at)) / scale
+                enough = bool((error <= EXACT * size).all())
+                if (enough if comm is None else all(comm.allgather(enough))) or step < SMALL_STEP * scale:
+                    return best
+                found = best, error  # near a pole, as of the bulk modulus at nu = 0.5, the steps have to be smaller
+            step /= 10.0
+        if found is not None:
+            return found[0]
+    raise faults[0]
+
+
+def _on_all(function: Callable[[float], Float], comm: Comm) -> Callable[[float], Float]:
+    """A function of all ranks that raises on all what it raises on one."""
+
+    def on_all(at: float) -> Float:
+        value, fault = np.zeros(0), None
         try:
-            best, error = _extrapolated(function, at, step)
-        except InputError:
-            if step / 10.0 < LAST_STEP * scale:
-                raise
-        else:
-            if found is not None:
-                better = error < found[1]
-                best, error = np.where(better, best, found[0]), np.where(better, error, found[1])
-            size = np.abs(best) + np.abs(function(at)) / scale
-            if (error <= EXACT * size).all() or step < SMALL_STEP * scale:
-                return best
-            found = best, error  # near a pole, as of the bulk modulus at nu = 0.5, the steps have to be smaller
-        step /= 10.0
-    assert found is not None
-    return found[0]
+            value = function(at)
+        except InputError as error:
+            fault = error
+        for raised in comm.allgather(fault):
+            if raised is not None:
+                raise raised
+        return value
+
+    return on_all
 
 
-def _extrapolated(function: Callable[[float], Float], at: float, step: float) -> tuple[Float, Float]:
+def _extrapolated(
+    function: Callable[[float], Float], at: float, step: float, sides: tuple[float, float]
+) -> tuple[Float, Float]:
     """Of the table of extrapolated differences, for each entry the value that its neighbours agree with best, and by
     how much they differ."""
     best, error = np.zeros(0), np.zeros(0)
     row: list[Float] = []
+    ahead, behind = sides
+    base = 4.0 if ahead == -behind else 2.0  # central differences have even powers of the step alone
     for n in range(HALVINGS):
         h = step / 2.0**n
-        new = [(function(at + h) - function(at - h)) / (2.0 * h)]
+        new = [(function(at + ahead * h) - function(at + behind * h)) / ((ahead - behind) * h)]
         for k in range(n):
-            new.append(new[k] + (new[k] - row[k]) / (4.0 ** (k + 1) - 1.0))
+            new.append(new[k] + (new[k] - row[k]) / (base ** (k + 1) - 1.0))
             spread = np.maximum(np.abs(new[k + 1] - new[k]), np.abs(new[k + 1] - row[k]))
             if n == 1:
                 best, error = new[1], spread
