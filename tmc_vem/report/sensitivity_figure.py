@@ -88,7 +88,14 @@ def _draw(figure: Any, axes: Any, fields: Fields, points: Float, panel: Panel, u
     axes.set_title(label(f"{panel.of}: where more {panel.by} raises it (red) and lowers it (blue)"), fontsize=9)
     shown = ScalarMappable(norm=scale, cmap=colormaps["RdBu_r"])
     bar = figure.colorbar(shown, ax=axes, extend="both" if beyond else "neither", shrink=0.9, pad=0.02)
+    bar.set_ticks(_ticks(scale.linthresh, scale.vmax))
     bar.set_label(label(f"{panel.title} per area") + (f" [{panel.unit}]" if panel.unit else ""), fontsize=8)
+
+
+def _ticks(linear: float, end: float) -> list[float]:
+    """Powers of ten and 0, for a scale that is linear up to a value; labels within that would overlap."""
+    powers = [10.0**n for n in range(math.ceil(math.log10(linear)), math.floor(math.log10(end)) + 1)]
+    return [*(-power for power in reversed(powers)), 0.0, *powers]
 
 
 def _scale(density_c: Float) -> tuple[Any, bool]:
