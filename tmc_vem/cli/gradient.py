@@ -55,7 +55,7 @@ def gradient(
     the number. Examples:
 
     \b
-      tmc-vem gradient demos/problems/seal.toml --of contact.lid-seal.force --by regions.seal.solid.mu
+      tmc-vem gradient demos/problems/seal.toml --of contact.block-seal.force --by regions.seal.solid.mu
       tmc-vem gradient box --of gap --of reaction --by material.mu --by medium.gamma --by uy --check
       tmc-vem gradient runs/seal --of reaction --by regions.seal.solid.mu --per-cell --out seal.vtu
     """
