@@ -52,6 +52,6 @@ def rate_finding(what: str, steps: Sequence[float], remainders: Array, order: in
 
 
 def relative(found: Array, expected: Array, tiny: float = 1e-6) -> Array:
-    """Relative differences; where what is expected is less than a tiny part of the usual size, relative to that part."""
+    """Relative differences; of what is below a tiny part of the usual size, relative to that part."""
     size = np.abs(expected)
     return np.asarray(np.abs(found - expected) / np.maximum(size, tiny * np.median(size) + np.finfo(float).tiny))

@@ -22,8 +22,6 @@ Array = NDArray[np.float64]
 
 VALUE_LIMIT = 1e-9  # numpy, not the kernel, loses digits where J is small
 TINY = 1e-3  # (exp(b x) - 1) / b by b: where x is small, numpy is left with a difference of larger numbers
-    1e-3  # (exp(b x) - 1) / b by b: numpy is left with the difference of numbers that are much larger where x is small
-)
 STEPS = (4e-4, 2e-4, 1e-4)  # relative to the parameter
 
 
