@@ -42,6 +42,8 @@ PROBLEMS = {
 method = sys.argv[1]
 found = {}
 for name, (problem, more) in PROBLEMS.items():
+    if (name, method) == ("springs", "fem"):
+        continue
     case = case_of(problem if method == "vem" else finer(problem, cells="triangles", size=0.2), method, steps=4)
     of = [result for result in OF if result != "reaction"] if name == "springs" else OF
     for entry in case.found.table(of, (*BY, *more)).entries:

@@ -128,7 +128,7 @@ def test_where_cells_go_without_a_name(
         (["{runs}/plug", "--by", "mesh.size"], "'mesh.size' makes the mesh"),
         (["{runs}/plug", "--by", "regions.foot.solid.c10"], "'regions.foot.solid.c10' is not given"),
         (["box", "--set", "medium.friction=0.3"], "region 'medium' has friction"),
-        (["box", "--set", "cells=[20,5]", "--set", "solve.element.interior_penalty=full"], "use --interior-pen"),
+        (["box", "--set", "cells=[20,5]", "--set", "solve.element.interior_penalty=full"], "leave it out (--interior"),
         (["box", "--set", "cells=[20,5]", "--by", "wall"], "'wall' makes the mesh"),
     ],
 )  # fmt: skip
@@ -139,6 +139,17 @@ def test_errors_are_one_line(words: list[str], message: str, runs: Path, capsys:
     _, err = said(capsys, *given, *of, *by, code=2)
     assert message in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_a_seal_agrees_with_differences(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The demo problem: bodies in contact, Voronoi cells of several sizes."""
+    names = ("--of", "gap", "--of", "ground_force", "--of", "contact.seal.force_y", "--of", "p_norm.von_mises.seal")
+    seal = Path(__file__).parents[2] / "demos" / "problems" / "seal.toml"
+    found = read(capsys, str(seal), *names, "--by", "regions.seal.solid.mu", "--by", "load.uy", "--check")
+    assert len(found["derivatives"]) == 8
+    assert max(entry["deviation"] for entry in found["derivatives"]) < 2e-6
+    assert any("J < 0 between the quadrature points" in text for text in found["cautions"])
 
 
 def test_names_are_needed(capsys: pytest.CaptureFixture[str]) -> None:

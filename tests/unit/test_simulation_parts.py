@@ -341,3 +341,5 @@ def test_other_inputs_than_those_of_the_checkpoint_are_named() -> None:
     require_same_inputs({"a": [1, 2], "b": None}, {"a": (1, 2)})
     with pytest.raises(InputError, match=r"^the checkpoint was made with b = 2, not None: start anew$"):
         require_same_inputs({"a": 1, "b": 2, "c": 3}, {"a": 1, "c": 4})
+    with pytest.raises(InputError, match=r"made with d\.e = 1, not 2: start anew$"):
+        require_same_inputs({"d": {"e": 1, "f": [1]}}, {"d": {"f": (1,), "e": 2}})

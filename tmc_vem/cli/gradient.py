@@ -55,7 +55,7 @@ def gradient(
     the number. Examples:
 
     \b
-      tmc-vem gradient demos/problems/seal.toml --of contact.lid-seal.force --by regions.seal.solid.mu
+      tmc-vem gradient demos/problems/seal.toml --of contact.block-seal.force --by regions.seal.solid.mu
       tmc-vem gradient box --of gap --of reaction --by material.mu --by medium.gamma --by uy --check
       tmc-vem gradient runs/seal --of reaction --by regions.seal.solid.mu --per-cell --out seal.vtu
     """
@@ -137,9 +137,11 @@ def _of_run(directory: Path) -> tuple[Problem, RunOptions]:
     from tmc_vem.cli.resume import read_command
     from tmc_vem.cli.run import run_group
     from tmc_vem.results.records import PROBLEM
+    from tmc_vem.results.run_result import refuse_search
     from tmc_vem.results.unfinished import COMMAND
     from tmc_vem.sensitivity.at_end import problem_of
 
+    refuse_search(directory)
     if (directory / PROBLEM).is_file() or not (directory / COMMAND).is_file():
         return problem_of(directory)
     name, parameters = read_command(directory)

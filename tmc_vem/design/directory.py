@@ -44,6 +44,8 @@ class DesignDirectory(RunDirectory):
     own = (RESULT, DESIGN, HISTORY, EVALUATIONS, DESIGNS, COLLECTION, BEST, STIFFNESS, FINAL, f"{FINAL}.toml", PICTURE,
            CURVES, ANIMATION, *REPORT, COMMAND, BEGUN, CHECKPOINT, BEFORE)  # fmt: skip
 
+    called = "a search for a design"
+
     def _is_foreign(self) -> bool:
         return not (self.path / DESIGN).exists()
 

@@ -13,17 +13,18 @@ from tmc_vem.design.evaluation import Evaluation
 from tmc_vem.design.filters import Filter, Within, density_filter
 from tmc_vem.design.interpolation import Interpolation, Ramp, Simp
 from tmc_vem.design.load_case import SAME, LoadCase, Solved
-from tmc_vem.design.masks import in_box, in_circle, in_regions
+from tmc_vem.design.masks import centroids_and_areas, in_box, in_circle, in_regions
 from tmc_vem.design.projection import Projection
 from tmc_vem.design.symmetry import Mirror
 from tmc_vem.design.variables import Parametrisation, parametrise
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.description import ProblemTable
 from tmc_vem.problems.design_region import design_regions
-from tmc_vem.problems.design_table import DesignTable, LimitTable, PassiveTable
+from tmc_vem.problems.design_table import DesignTable, FilterTable, LimitTable, PassiveTable
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.problem_file import with_changes
+from tmc_vem.support import notes
 from tmc_vem.support.distributed import Comm
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.parallel import from_root
@@ -129,7 +130,7 @@ class Evaluator:
             z = np.full(of.n_variables, table.start)
         else:
             assert table.volume is not None
-            z = of.uniform(table.volume)
+            z = of.uniform(min(table.volume, of.volume(np.ones(of.n_variables))))  # of a design that may be all solid
         if table.noise:
             z = z + table.noise * np.random.default_rng(table.seed).uniform(-1.0, 1.0, len(z))
         return np.clip(z, 0.0, 1.0)
@@ -152,20 +153,20 @@ class Evaluator:
         self.evaluations += 1
         stiffness_c = self.stiffness(z)
         solved: dict[str, Solved] = {}
-        notes: list[str] = []
+        said: list[str] = []
         n_constraints = len(self.constraints)
         for name, case in self.cases.items():
             found = case.solve(stiffness_c)
             if found is not None and not found.from_start and self.evaluations in LOOKED_AT:
                 found, note = _looked_at(case, stiffness_c, found)
-                notes += [note] if note else []
+                said += [note] if note else []
             if found is None:
                 volume = self.parametrisation.volume(z)
                 why = f": {case.why_not}" if case.why_not else ""
-                notes.append(f"{case.name}: no equilibrium was found at full load{why}")
-                self.worth = Worth({}, volume, 0, time.perf_counter() - began, tuple(notes))
+                said.append(f"{case.name}: no equilibrium was found at full load{why}")
+                self.worth = Worth({}, volume, 0, time.perf_counter() - began, tuple(said))
                 return Evaluation.failed(len(z), n_constraints)
-            notes += [found.note] if found.note else []
+            said += [found.note] if found.note else []
             solved[name] = found
         evaluation = self._evaluation(z, solved)
         several = len(solved) > 1
@@ -176,7 +177,7 @@ class Evaluator:
         }
         iterations = sum(found.iterations for found in solved.values())
         volume = self.parametrisation.volume(z)
-        self.worth = Worth(values, volume, iterations, time.perf_counter() - began, tuple(notes))
+        self.worth = Worth(values, volume, iterations, time.perf_counter() - began, tuple(said))
         return evaluation
 
     # -- parts -----------------------------------------------------------------------------------------------------
@@ -266,11 +267,7 @@ def _cells(table: ProblemTable) -> tuple[object, ...]:
 def _parametrisation(problem: OwnProblem, table: DesignTable, mesh: PolygonMesh) -> Parametrisation:
     design_c = in_regions(mesh, design_regions(problem.regions()))
     cells = np.flatnonzero(design_c)
-    radius = table.filter.radius
-    if radius is None and table.filter.kind != "none":
-        from tmc_vem.design.masks import centroids_and_areas
-
-        radius = CELLS_OF_FILTER * float(np.sqrt(np.median(centroids_and_areas(mesh)[1][cells])))
+    radius = _radius(table.filter, mesh, cells)
     law: Interpolation = (
         Simp(table.interpolation.p) if table.interpolation.law == "simp" else Ramp(table.interpolation.q)
     )
@@ -284,6 +281,32 @@ def _parametrisation(problem: OwnProblem, table: DesignTable, mesh: PolygonMesh)
         filter_of=None if radius is None else _filter(table.filter.kind, mesh, cells, passive["void"][cells], radius),
         interpolation=law,
     )
+
+
+def _radius(table: FilterTable, mesh: PolygonMesh, cells: Int) -> float | None:
+    """Radius of the filter; None without one.
+
+    Raises:
+        InputError: it is larger than the design, in which all densities would be the same.
+    """
+    if table.kind == "none":
+        return None
+    center_cx, area_c = centroids_and_areas(mesh)
+    size = float(np.sqrt(np.median(area_c[cells])))
+    if table.radius is None:
+        return CELLS_OF_FILTER * size
+    extent = float(np.ptp(center_cx[cells], axis=0).max()) + size
+    if table.radius > extent:
+        raise InputError(
+            f"design: filter: radius = {table.radius:g} is larger than the design, whose extent is {extent:.4g}: all "
+            f"densities would be the same; use some sizes of cells, which are {size:.3g} wide"
+        )
+    if table.radius < size:
+        notes.say(
+            f"design: filter: radius = {table.radius:g} is smaller than the cells, which are {size:.3g} wide: it "
+            "filters nothing"
+        )
+    return table.radius
 
 
 def _filter(kind: str, mesh: PolygonMesh, cells: Int, void_c: Bool, radius: float) -> Filter:
@@ -302,8 +325,15 @@ def _passive(mesh: PolygonMesh, tables: list[PassiveTable]) -> Bool:
             x0, y0, x1, y1 = table.box
             here &= in_box(mesh, min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1))
         if table.circle is not None:
-            here &= in_circle(mesh, *table.circle)
+            try:
+                here &= in_circle(mesh, *table.circle)
+            except InputError as error:
+                raise InputError(f"design: passive: {error}") from None
         if not here.any():
-            raise InputError(f"design: passive: no cell is in {table.box or table.circle}")
+            where, x, y = table.box or table.circle, *mesh.points_vx.T
+            raise InputError(
+                f"design: passive: no cell has its centroid in {where}: the mesh goes from ({x.min():g}, {y.min():g}) "
+                f"to ({x.max():g}, {y.max():g}), its cells may be wider than that"
+            )
         chosen |= here
     return chosen

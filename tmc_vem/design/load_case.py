@@ -35,7 +35,7 @@ Float = NDArray[np.float64]
 
 INFINITY = 3  # PETSc's number of this norm
 PARTS = (1, 4)  # in which a design is changed to the next one, if the first does not do
-MOST_ITERATIONS = 500  # of Newton's method for one load case of a design
+MOST_ITERATIONS = 500  # of Newton's method for one load case of a design, unless max_iterations says otherwise
 FAR = 0.1  # of the mesh's size: a state that has moved further between two designs is looked at again from load 0
 SAME = 1e-5  # relative: results of the same state, found in two ways
 
@@ -103,6 +103,8 @@ class LoadCase:
         self._functionals: dict[object, Functional] = {
             name: functional_of(name, problem, self.system) for name in wanted
         }
+        for _ in self.system.parameter_derivatives(self.system.create_vector()):  # those that are refused, at once
+            break
         self.u: Vec | None = None
         self.stiffness_c: Float | None = None
         self.on_iteration: OnIteration | None = None
@@ -136,7 +138,7 @@ class LoadCase:
         """
         mine = self._mine(stiffness_c)
         before = self._solver.iterations_done
-        budget = Budget(MOST_ITERATIONS)
+        budget = Budget(self._options.max_iterations or MOST_ITERATIONS)
         self.why_not = ""
         try:
             warm = not from_start and self.u is not None and any(self._follow(mine, parts, budget) for parts in PARTS)

@@ -51,7 +51,7 @@ def start(
     Raises:
         InputError: nlopt is not installed. Whatever an evaluation raises, Ctrl-C too, comes out as it is.
     """
-    nlopt = load("nlopt", f"the method '{method}' needs")
+    nlopt = library(method)
     raised: list[BaseException] = []
     opt = nlopt.opt(getattr(nlopt, METHODS[method]), len(z0))
     opt.set_lower_bounds(lower_z)
@@ -86,6 +86,15 @@ def start(
         opt.add_inequality_mconstraint(constraints, feasibility * scaling.constraints)
     _optimise(nlopt, opt, z0, raised)
     return ENDS.get(opt.last_optimize_result(), f"nlopt ended with {opt.last_optimize_result()}")
+
+
+def library(method: str) -> Any:
+    """nlopt.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    return load("nlopt", f"the method '{method}' needs")
 
 
 def _optimise(nlopt: Any, opt: Any, z0: Float, raised: list[BaseException]) -> None:

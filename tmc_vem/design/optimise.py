@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.design.evaluation import Evaluation, Iterate, Optimum
 from tmc_vem.design.evaluator import Evaluator, Worth
-from tmc_vem.design.optimisers import FirstDesignFailed, minimise
+from tmc_vem.design.optimisers import FirstDesignFailed, minimise, require
 from tmc_vem.design.projection import Continuation, Projection
 from tmc_vem.design.record import Record
 from tmc_vem.design.replay import Replay
@@ -87,7 +87,7 @@ class Optimisation:
         comm: ranks; all by default.
 
     Raises:
-        InputError: the problem has no design, or a load case is wrong.
+        InputError: the problem has no design, a load case is wrong, or NLopt is missing.
 
     Attributes:
         evaluator: evaluates designs.
@@ -101,6 +101,9 @@ class Optimisation:
         options: RunOptions | None = None,
         comm: Comm | None = None,
     ) -> None:
+        design = problem.table.design
+        if design is not None:
+            require(design.method)
         self.evaluator = Evaluator(problem, options or RunOptions(), MPI.COMM_WORLD if comm is None else comm)
         if self.table.method == "oc" and (self.table.volume is None or self.table.limits):
             raise InputError("design: method 'oc' is for a volume alone: give one and no limits, or use method 'mma'")
@@ -141,7 +144,8 @@ class Optimisation:
                 why = "; ".join(self._worths[len(self.steps) - 1].notes)
                 if optimum is None or projection is None:
                     raise InputError(
-                        f"the first design could not be evaluated ({why}): begin with another one"
+                        f"the first design could not be evaluated ({why}): begin with a stiffer one (start = 1), apply "
+                        "a smaller load, and see that what is loaded and held is not void"
                     ) from None
                 # steeper, the best design has no equilibrium: it stays as it is
                 reason = f"with beta = {projection.beta:g}, the best design could not be evaluated ({why})"
@@ -167,11 +171,27 @@ class Optimisation:
         evaluation = self.evaluator(z)
         worth = self.evaluator.worth
         assert worth is not None
+        if not self.steps:
+            self._require_dependence(evaluation)
         del self._worths[len(self.steps) :]  # of a record that was of another search
         self._worths.append(worth)
         if self.on_evaluation is not None:
             self.on_evaluation(len(self.steps) + 1, Record(z, evaluation, worth))
         return evaluation
+
+    def _require_dependence(self, evaluation: Evaluation) -> None:
+        """Check that there is something to gain.
+
+        Raises:
+            InputError: the objective depends on no cell.
+        """
+        table = self.table
+        if np.isfinite(evaluation.objective) and not evaluation.gradient.any():
+            what = "minimise" if table.minimise else "maximise"
+            raise InputError(
+                f"design: {what} = '{table.objective}' does not depend on the design: its derivative is 0 in every "
+                "cell; choose another result, such as compliance or reaction"
+            )
 
     def _levels(self) -> list[tuple[Projection | None, int]]:
         """Projections with the most evaluations on each."""

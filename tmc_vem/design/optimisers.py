@@ -27,6 +27,16 @@ class FirstDesignFailed(InputError):
     """There is nothing to begin with."""
 
 
+def require(method: str) -> None:
+    """Check that a method is there, before anything long is done.
+
+    Raises:
+        InputError: it needs nlopt, which is not installed.
+    """
+    if method != "oc":
+        nlopt_methods.library(method)
+
+
 def minimise(
     evaluate: Evaluate,
     z0: Float,

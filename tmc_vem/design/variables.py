@@ -130,7 +130,8 @@ class Parametrisation:
         low, high = (self.volume(np.full(self.n_variables, value)) for value in (0.0, 1.0))
         if not low <= volume <= high:
             raise InputError(
-                f"volume {volume:g}: with its passive cells, the design has {low:.4g} to {high:.4g} of its area"
+                f"volume {volume:g}: with its passive cells, the design has {low:.4g} to {high:.4g} of its area: use a "
+                "volume in between"
             )
         value = brentq(lambda z: self.volume(np.full(self.n_variables, z)) - volume, 0.0, 1.0, xtol=1e-14)
         return np.full(self.n_variables, value)

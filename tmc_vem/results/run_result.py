@@ -12,7 +12,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmc_vem.results.limit import GammaLimit
-from tmc_vem.results.records import CONTACT, FRICTION, HISTORY, OLDEST, RESULT, SCHEMA, StepRecord, finite, heading
+from tmc_vem.results.records import (
+    CONTACT,
+    DESIGN,
+    FRICTION,
+    HISTORY,
+    OLDEST,
+    RESULT,
+    SCHEMA,
+    StepRecord,
+    finite,
+    heading,
+)
 from tmc_vem.results.unfinished import unfinished
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import shown
@@ -274,6 +285,19 @@ class RunResult:
             raise InputError(f"{path} is not a readable run directory: {error}") from None
 
 
+def refuse_search(path: Path) -> None:
+    """Check that a directory is not that of a search for a design, whose runs are below it.
+
+    Raises:
+        InputError: it is.
+    """
+    if (path / DESIGN).is_file():
+        raise InputError(
+            f"{path} is a search for a design, of 'tmc-vem optimise', and no run: its best design is run in "
+            f"{path / 'final'}, with a directory for each load case"
+        )
+
+
 def _result_of(path: Path) -> tuple[dict[str, Any], bool]:
     """What result.json says, or else what is known of the run; and whether there is a result."""
     try:
@@ -283,6 +307,7 @@ def _result_of(path: Path) -> tuple[dict[str, Any], bool]:
             return unfinished(path), False
         except FileNotFoundError:
             raise missing from None
+    refuse_search(path)
     data = json.loads(text)
     _check_schema(path, data)
     return data, True

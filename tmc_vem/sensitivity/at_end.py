@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem
 from tmc_vem.results.records import PROBLEM, StepRecord
-from tmc_vem.results.run_result import RunResult
+from tmc_vem.results.run_result import RunResult, refuse_search
 from tmc_vem.sensitivity.changes import Changes, require_cells
 from tmc_vem.sensitivity.equilibrium import Equilibrium
 from tmc_vem.sensitivity.functionals import Functionals
@@ -200,6 +200,7 @@ def of_directory(
         InputError: there is no checkpoint, or no problem file and no problem was given.
     """
     path = Path(directory)
+    refuse_search(path)
     if problem is None:
         problem, options = problem_of(path)
     refuse_friction(problem)

@@ -89,7 +89,7 @@ class ContactFunctional:
     def __init__(
         self, of: str, quantity: str, gauge: Callable[[], ContactGauge], forces: Forces, nodes: Nodes
     ) -> None:  # fmt: skip
-        self.words = f"{quantity} of contact, {of}"
+        self.words = f"contact.{of}.{quantity}"
         require_choice("quantity of contact", quantity, {**OF_PAIR, **OF_FRICTION})
         if quantity not in OF_BODY:
             raise InputError(f"{self.words} has no derivative: {_why_not(quantity)}")

@@ -164,12 +164,20 @@ def require_same_inputs(before: Mapping[str, Any], now: Mapping[str, Any]) -> No
     Raises:
         InputError: one differs; the message names it.
     """
-    plain = json.loads(json.dumps(now))
-    for name in sorted({*before, *plain}):
-        if before.get(name) != plain.get(name):
+    first, second = _entries(before), _entries(json.loads(json.dumps(now)))
+    for name in sorted({*first, *second}):
+        if first.get(name) != second.get(name):
             raise InputError(
-                f"the checkpoint was made with {name} = {before.get(name)}, not {plain.get(name)}: start anew"
+                f"the checkpoint was made with {name} = {first.get(name)}, not {second.get(name)}: start anew"
             )
+
+
+def _entries(inputs: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """Entries of tables within tables, by names with dots."""
+    found: dict[str, Any] = {}
+    for name, value in inputs.items():
+        found |= _entries(value, f"{before}{name}.") if isinstance(value, dict) else {before + name: value}
+    return found
 
 
 def _parts_of(path: Path) -> list[str]:

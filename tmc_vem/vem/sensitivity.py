@@ -23,8 +23,8 @@ Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
 NO_PENALTY = (
-    "the interior penalty has parameters on sides between cells, which belong to two of them: use "
-    "--interior-penalty none"
+    "the interior penalty has parameters on sides between cells, which belong to two of them, and no derivatives by "
+    'them: leave it out (--interior-penalty none, or interior_penalty = "none")'
 )
 
 
