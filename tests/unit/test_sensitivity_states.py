@@ -93,6 +93,14 @@ def test_results_without_a_state_have_none() -> None:
         solved(BOX, RunOptions(steps=8, snapshots=0, max_iterations=1))
 
 
+def test_iterative_solvers_are_as_exact() -> None:
+    """Although they solve to 1e-7 of a force only."""
+    direct, iterative = (case_of(own(), steps=4, solver=solver).found for solver in ("direct", "iterative"))
+    assert iterative.gradients.equilibrium.negative_pivots is None
+    for by in ("regions.foot.solid.E", "regions.medium.medium.gamma", "load.uy"):
+        assert iterative.gradient("hold", by) == pytest.approx(direct.gradient("hold", by), rel=1e-8)
+
+
 def test_an_unstable_state_is_flagged() -> None:
     """A strut that stays straight, although it would buckle; its derivatives are right on that branch."""
     held = [Prescribed("left", 0), Prescribed("left", 1), Prescribed("right", 1)]

@@ -136,6 +136,15 @@ class Equilibrium:
 
     def _solved(self, force: Vec, what: str) -> Vec:
         """The displacements of free degrees of freedom that undo a force."""
+        found = self._corrected(force, what)
+        if not self._solver.ordering:  # an iteration, whose tolerance is that of a Newton step: once more for the rest
+            rest = self.system.create_vector()
+            self.system.tangent_action(found, rest)
+            rest.axpy(1.0, force)
+            found.axpy(1.0, self._corrected(rest, what))
+        return found
+
+    def _corrected(self, force: Vec, what: str) -> Vec:
         found = self.system.create_vector()
         if not self._solver.correction(force, found):
             raise SingularTangent(f"no {what} was found{self._solver.linear_complaint}")
