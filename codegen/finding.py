@@ -51,7 +51,7 @@ def rate_finding(what: str, steps: Sequence[float], remainders: Array, order: in
     return Finding(what, f"{rate:.2f}", required, passed, "" if passed else words)
 
 
-def relative(found: Array, expected: Array) -> Array:
-    """Relative differences; where what is expected happens to be tiny, relative to a millionth of the usual size."""
+def relative(found: Array, expected: Array, tiny: float = 1e-6) -> Array:
+    """Relative differences; of what is below a tiny part of the usual size, relative to that part."""
     size = np.abs(expected)
-    return np.asarray(np.abs(found - expected) / np.maximum(size, 1e-6 * np.median(size) + np.finfo(float).tiny))
+    return np.asarray(np.abs(found - expected) / np.maximum(size, tiny * np.median(size) + np.finfo(float).tiny))

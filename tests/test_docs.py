@@ -34,6 +34,7 @@ PAGES = (
             "sensitivities",
             "solver-options",
             "stress",
+            "topology-optimisation",
         )
     ),
 )
@@ -93,6 +94,26 @@ def test_examples_of_problem_files_are_read(tmp_path: Path) -> None:
         "Displacement", "Position", "Gap", "Reaction", "MeanJ", "ValueAt", "Over", "PNorm", "Over", "Over",
         "EnergyOf", "CutForce", "Contact", "Contact",
     ]  # fmt: skip
+
+
+def test_the_tables_of_designs_are_read_and_complete() -> None:
+    """The load cases of the page on designs, and every key of [design] on the page of the schema."""
+    import dataclasses
+    import tomllib
+
+    from tmc_vem.problems.description import ProblemTable
+    from tmc_vem.problems.design_table import DesignTable
+    from tmc_vem.support.validation import build
+
+    page = (ROOT / "docs/howto/topology-optimisation.md").read_text()
+    (example,) = re.findall(r"<<'END'\n(.*?)^END$", page, re.MULTILINE | re.DOTALL)
+    (cases,) = re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    design = build(ProblemTable, tomllib.loads(example + cases), "page").design
+    assert design is not None
+    assert [(case.name, case.weight) for case in design.cases] == [("down", 1.0), ("up", 0.5)]
+    schema = (ROOT / "docs/guide/problem-files.md").read_text().split("### `[design]`")[1].split("### ")[0]
+    for field in dataclasses.fields(DesignTable):
+        assert re.search(rf"^\|[^|]*\b{field.name}\b", schema, re.MULTILINE), field.name
 
 
 def test_solids_on_the_page_of_materials_are_solids() -> None:

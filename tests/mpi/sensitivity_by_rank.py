@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 
 from helpers_sensitivity import case_of, finer, own
 from test_sensitivity_loads import BESIDE, GRADED, HELD, INCLINED, SEAL, loaded
+
+from tmc_vem import RunOptions, run
+from tmc_vem.sensitivity import sensitivities
+from tmc_vem.simulation.simulation import prepare
 
 OF = ("gap", "side", "hold", "squeezed", "mises", "stored", "energy", "reaction", "contact.block.force_y",
       "p_norm.von_mises.block")  # fmt: skip
@@ -37,6 +42,8 @@ PROBLEMS = {
 method = sys.argv[1]
 found = {}
 for name, (problem, more) in PROBLEMS.items():
+    if (name, method) == ("springs", "fem"):
+        continue
     case = case_of(problem if method == "vem" else finer(problem, cells="triangles", size=0.2), method, steps=4)
     of = [result for result in OF if result != "reaction"] if name == "springs" else OF
     for entry in case.found.table(of, (*BY, *more)).entries:
@@ -46,5 +53,17 @@ for name, (problem, more) in PROBLEMS.items():
         where = np.arange(1.0, len(cells) + 1.0)
         found[f"{name} {number} cells"] = float(np.abs(cells).sum())
         found[f"{name} {number} where"] = float(where @ np.abs(cells))
+# the mesh is spread over the ranks anew each time
+problem = own() if method == "vem" else finer(own(), cells="triangles", size=0.2)
+result = run(problem, options=RunOptions(method, steps=4, snapshots=0))
+for n in range(3):
+    found[f"result {n}"] = sensitivities(result).gradient("hold", "regions.foot.solid.E")
+end = result.end
+assert end is not None
+system = prepare(problem, None, end.options).system
+assert np.array_equal(system.node_labels(), end.labels_nz)
+rotated = MPI.COMM_WORLD.allgather((end.labels_nz, end.values))[(MPI.COMM_WORLD.rank + 1) % MPI.COMM_WORLD.size]
+elsewhere = replace(end, labels_nz=rotated[0], values=rotated[1])
+assert np.array_equal(elsewhere.give(system).getArray(), end.values)
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps(found))

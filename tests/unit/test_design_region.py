@@ -12,6 +12,7 @@ from tmc_vem import RunOptions, run
 from tmc_vem.cli.main import _run
 from tmc_vem.problems import Material, Medium
 from tmc_vem.problems.base import medium_region, solid_region
+from tmc_vem.problems.conditions import require_held
 from tmc_vem.problems.design_region import design_region, design_regions
 from tmc_vem.problems.hints import hints
 from tmc_vem.problems.inventory import narrowest, parts
@@ -106,6 +107,28 @@ def test_a_design_is_a_part_that_is_held_and_no_gap() -> None:
     assert {part.regions for part in parts(mesh, regions, problem.prescribed())} == {("foot",), ("block",)}
     assert {gap.medium for gap in narrowest(mesh, regions)} == {"medium"}
     assert all(hint.regions[0] != "foot" for hint in hints(mesh, regions, problem.prescribed()))
+
+
+def test_a_design_holds_what_hangs_together_with_it() -> None:
+    """A solid at its end, to which the load is applied, needs no support of its own."""
+    text = CANTILEVER.replace('shape = "frame"', 'shape = "frame - end"') + """
+[shapes.end]
+rectangle = [1.4, 0, 2, 1]
+[regions.end]
+shape = "end"
+solid = { E = 100, nu = 0.3 }
+"""  # fmt: skip
+    problem = own(text)
+    require_held(problem.make_mesh(), problem.regions(), problem.prescribed())
+    apart = own(text.replace('"frame - end"', '"frame - gap - end"') + """
+[shapes.gap]
+rectangle = [0.8, 0, 1.4, 1]
+[regions.gap]
+shape = "gap"
+medium = { gamma = 1e-4, alpha_r = 1e-2, mu = 1 }
+""")  # fmt: skip
+    with pytest.raises(InputError, match="only the medium holds region end"):
+        require_held(apart.make_mesh(), apart.regions(), apart.prescribed())
 
 
 def test_what_check_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

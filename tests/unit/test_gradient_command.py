@@ -141,6 +141,17 @@ def test_errors_are_one_line(words: list[str], message: str, runs: Path, capsys:
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
+def test_a_seal_agrees_with_differences(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The demo problem: bodies in contact, Voronoi cells of several sizes."""
+    names = ("--of", "gap", "--of", "ground_force", "--of", "contact.seal.force_y", "--of", "p_norm.von_mises.seal")
+    seal = Path(__file__).parents[2] / "demos" / "problems" / "seal.toml"
+    found = read(capsys, str(seal), *names, "--by", "regions.seal.solid.mu", "--by", "load.uy", "--check")
+    assert len(found["derivatives"]) == 8
+    assert max(entry["deviation"] for entry in found["derivatives"]) < 2e-6
+    assert any("J < 0 between the quadrature points" in text for text in found["cautions"])
+
+
 def test_names_are_needed(capsys: pytest.CaptureFixture[str]) -> None:
     for missing, given in (("--of", "--by"), ("--by", "--of")):
         assert f"Missing option '{missing}'" in said(capsys, "box", given, "gap", code=2)[1]

@@ -100,6 +100,7 @@ class Evaluator:
         self.cases: dict[str, LoadCase] = {}
         for name, changed in _problems(problem, table).items():
             self.cases[name] = LoadCase(name or problem.name, changed, options, self.wanted, comm)
+        _require_same_nodes(self.cases)
         self._limits = [_Limit(name, case, limits[name], table.limits[name]) for name in limits for case in self.cases]
         self.worth: Worth | None = None
         self.evaluations = 0
@@ -200,6 +201,21 @@ class Evaluator:
             values.append(scale * (found.values[limit.of] - bound))
             rows.append(scale * of.backward(z, by_factor_c=found.by_stiffness[limit.of][of.cells]))
         return Evaluation(objective, gradient, np.array(values), np.array(rows).reshape(len(values), len(z)))
+
+
+def _require_same_nodes(cases: Mapping[str, LoadCase]) -> None:
+    """Check that every rank has the same nodes in all load cases.
+
+    Raises:
+        InputError: it has not, as the energies of one cost more than those of another.
+    """
+    first, *others = (case.system for case in cases.values())
+    same = all(np.array_equal(first.node_labels(), other.node_labels()) for other in others)
+    if not all(first.comm.allgather(same)):
+        raise InputError(
+            "design: cases: they are spread over the ranks differently, as their materials cost differently: use one "
+            "rank, or the same models of materials in all"
+        )
 
 
 def _looked_at(case: LoadCase, stiffness_c: Float, warm: Solved) -> tuple[Solved | None, str]:

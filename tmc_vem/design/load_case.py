@@ -35,7 +35,7 @@ Float = NDArray[np.float64]
 
 INFINITY = 3  # PETSc's number of this norm
 PARTS = (1, 4)  # in which a design is changed to the next one, if the first does not do
-MOST_ITERATIONS = 500  # of Newton's method for one load case of a design
+MOST_ITERATIONS = 500  # of Newton's method for one load case of a design, unless max_iterations says otherwise
 FAR = 0.1  # of the mesh's size: a state that has moved further between two designs is looked at again from load 0
 SAME = 1e-5  # relative: results of the same state, found in two ways
 
@@ -138,11 +138,9 @@ class LoadCase:
         """
         mine = self._mine(stiffness_c)
         before = self._solver.iterations_done
-        budget = Budget(MOST_ITERATIONS)
+        budget = Budget(self._options.max_iterations or MOST_ITERATIONS)
         self.why_not = ""
         try:
-            if self._end.parameters:  # a load that could not be applied in full has left others
-                self.system.set_parameters(self._end.parameters)
             warm = not from_start and self.u is not None and any(self._follow(mine, parts, budget) for parts in PARTS)
             self._set(mine)
             jumped = False if warm else self._load(budget)

@@ -33,7 +33,7 @@ from tmc_vem.simulation.words import reported
 from tmc_vem.solve.budget import Budget, OutOfBudget
 from tmc_vem.solve.newton import Iteration
 from tmc_vem.support.distributed import Comm
-from tmc_vem.support.errors import InputError, TmcError
+from tmc_vem.support.errors import ConvergenceError, InputError
 from tmc_vem.support.parallel import from_root, on_root
 from tmc_vem.support.toml_text import toml_text
 
@@ -77,7 +77,8 @@ def optimise(
     Raises:
         InputError: the problem has no design, the first design cannot be evaluated, or the directory is wrong.
         Interrupted: Ctrl-C or SIGTERM; everything that was evaluated is in the directory.
-        TmcError: a limit on the work of the search was reached, or the disk is full.
+        ConvergenceError: the time that was allowed is used up; everything that was evaluated is in the directory.
+        TmcError: the disk is full.
     """
     options = options or RunOptions()
     comm = MPI.COMM_WORLD if comm is None else comm
@@ -194,7 +195,7 @@ class _Session:
                 budget.spend()
             except OutOfBudget as limit:  # that of the search, not of a load case
                 how = how_to_go_on(self.directory.path) if self.directory is not None else ""
-                raise TmcError(f"{limit}{'; ' if how else ''}{how}") from None
+                raise ConvergenceError(f"{limit}{'; ' if how else ''}{how}") from None
 
         return on_iteration
 

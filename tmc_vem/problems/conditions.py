@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.rigid import ALONG, FreePart, free_parts
 from tmc_vem.problems.base import RegionEnergy
+from tmc_vem.problems.design_region import design_regions
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.constrained import is_other
 from tmc_vem.system.constraints import (
@@ -242,12 +243,13 @@ def require_held(
             f"nothing holds part {part.number} ({_regions(mesh, part)}){_around(part)} against {part.motion}: "
             f"{_remedy(part)}"
         )
-    is_solid = np.array([not regions[name].is_medium for name in mesh.region_names])[mesh.region_c]
+    designs = set(design_regions(regions))  # which hold what hangs together with them, and are not held to be solid
+    is_solid = np.array([name in designs or not regions[name].is_medium for name in mesh.region_names])[mesh.region_c]
     if is_solid.all():
         return
     for part in free_parts(mesh, is_solid, held_vi, *across):
         names = [mesh.region_names[n] for n in np.unique(mesh.region_c[part.cells])]
-        if not any(regions[name].hold for name in names):
+        if not any(regions[name].hold or name in designs for name in names):
             raise InputError(
                 f"only the medium holds {_regions(mesh, part)}{_around(part)} against {part.motion}: {_remedy(part)}; "
                 f'if that is meant, say hold = "medium" in [regions.{names[0]}]'

@@ -19,10 +19,10 @@ Float = NDArray[np.float64]
 
 WIDTH, LEAST, MOST = 9.0, 2.4, 8.0  # inches: a panel alone, and how high it may be
 COLUMNS = 2  # panels side by side
-# Colours end at the value that this part of the coloured area has less than: a few cells at a corner would leave all
-# others white.
+# Colours end at the value that so many of the cells are below: a few at a corner would leave all others white.
 SHOWN = 0.99
-DECADES = 100.0  # linear within this part of the largest value, logarithmic beyond
+TICKS = (-1.0, -0.1, 0.0, 0.1, 1.0)  # parts of the largest value
+LINEAR = 0.01  # part of the largest value up to which colours are linear; logarithmic beyond
 
 
 @dataclass(frozen=True)
@@ -31,15 +31,12 @@ class Panel:
 
     Attributes:
         title: what it is.
-        of, by: names of the result and the number.
         density_c: (n_cells,) derivatives by the number in each cell, per area of the cell.
         has_c: (n_cells,) which cells have the number.
         unit: of the densities; empty if there is none or it is not known.
     """
 
     title: str
-    of: str
-    by: str
     density_c: Float
     has_c: NDArray[np.bool_]
     unit: str = ""
@@ -58,6 +55,7 @@ def sensitivity_figure(fields: Fields, panels: Sequence[Panel], units: Units) ->
     height = float(np.clip(0.75 * width * extent[1] / max(float(extent[0]), 1e-300), LEAST, MOST)) + 1.0
     figure = Figure(figsize=(columns * width, rows * height), layout="constrained")
     FigureCanvasAgg(figure)
+    figure.suptitle("Red where more of the number raises the result, blue where it lowers it", fontsize=10)
     for n, panel in enumerate(panels):
         _draw(figure, figure.add_subplot(rows, columns, n + 1), fields, points, panel, units)
     return figure
@@ -85,17 +83,13 @@ def _draw(figure: Any, axes: Any, fields: Fields, points: Float, panel: Panel, u
     axes.set_aspect("equal")
     axes.set_xlabel(f"x, deformed [{units.of(LENGTH)}]")
     axes.set_ylabel(f"y, deformed [{units.of(LENGTH)}]")
-    axes.set_title(label(f"{panel.of}: where more {panel.by} raises it (red) and lowers it (blue)"), fontsize=9)
+    axes.set_title(label(panel.title), fontsize=10)
     shown = ScalarMappable(norm=scale, cmap=colormaps["RdBu_r"])
     bar = figure.colorbar(shown, ax=axes, extend="both" if beyond else "neither", shrink=0.9, pad=0.02)
-    bar.set_ticks(_ticks(scale.linthresh, scale.vmax))
-    bar.set_label(label(f"{panel.title} per area") + (f" [{panel.unit}]" if panel.unit else ""), fontsize=8)
-
-
-def _ticks(linear: float, end: float) -> list[float]:
-    """Powers of ten and 0, for a scale that is linear up to a value; labels within that would overlap."""
-    powers = [10.0**n for n in range(math.ceil(math.log10(linear)), math.floor(math.log10(end)) + 1)]
-    return [*(-power for power in reversed(powers)), 0.0, *powers]
+    bar.set_ticks([part * scale.vmax for part in TICKS])
+    bar.ax.yaxis.set_major_formatter("{x:.2g}")
+    bar.ax.minorticks_off()
+    bar.set_label(f"per area of the cell [{panel.unit}]" if panel.unit else "per area of the cell", fontsize=9)
 
 
 def _scale(density_c: Float) -> tuple[Any, bool]:
@@ -106,4 +100,4 @@ def _scale(density_c: Float) -> tuple[Any, bool]:
     largest = float(size.max(initial=0.0))
     end = float(np.quantile(size, SHOWN)) if len(size) else 0.0
     end = end if end > 0.0 else largest or 1.0
-    return SymLogNorm(end / DECADES, vmin=-end, vmax=end), largest > end
+    return SymLogNorm(LINEAR * end, vmin=-end, vmax=end), largest > end

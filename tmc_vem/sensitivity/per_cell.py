@@ -88,7 +88,7 @@ def per_cell(found: Sensitivities, of: Sequence[str], by: Sequence[str]) -> Cell
             cell_fields |= {name: value_c, name + PER_AREA: value_c / area_c}
             words |= {name: (unit.text(units) if unit else "") or "1", name + PER_AREA: per_area or "1"}
             panels.append(
-                Panel(name, a, b, value_c / area_c, np.isin(region_names, list(changes[b].parameters)), per_area)
+                Panel(name, value_c / area_c, np.isin(region_names, list(changes[b].parameters)), per_area)
             )  # fmt: skip
     return CellSensitivities(replace(fields, cell_fields=cell_fields), panels, units, words)
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.mesh.polygon import Edges, PolygonMesh
+from tmc_vem.mesh.spread import partition
 from tmc_vem.mesh.spread.plex import cone_sizes, cones, set_cell_types, set_cone_sizes
 from tmc_vem.support.distributed import Comm
 from tmc_vem.support.parallel import from_root, on_root
@@ -70,12 +71,18 @@ def distribute(
     """
     mesh = on_root(comm, make_mesh)
     plex, cell_field, vertex_field = _serial_plex(comm, mesh)
+    key = b""
     if comm.size > 1:
-        plex.setSection(_weights(comm, plex, mesh, costs or {}))
+        weight_c = None if mesh is None else np.rint(10.0 * cell_costs(mesh, costs or {})).astype(np.int64)
+        key = partition.key_of(comm, mesh, weight_c)
+        plex.setSection(_weights(comm, plex, weight_c))
+        partition.use_again(comm, plex, key)
     migration = plex.distribute()
     (region_names, named_points, named_edges, data), sizes = from_root(comm, partial(_names_and_sizes, mesh))
     cells = _distribute_field(comm, plex, migration, 0, cell_field, 2 + len(data))
     vertices = _distribute_field(comm, plex, migration, len(cell_field), vertex_field, 3)
+    if comm.size > 1:
+        partition.remember(comm, key, cells[:, 1].astype(np.int64))
     n_cells_global, n_vertices_global = sizes
     del mesh, cell_field, vertex_field
 
@@ -118,12 +125,12 @@ def _names_and_sizes(
     return names, (mesh.n_cells, mesh.n_vertices)
 
 
-def _weights(comm: Comm, plex: Any, mesh: PolygonMesh | None, costs: Mapping[str, float]) -> Any:
+def _weights(comm: Comm, plex: Any, weight_c: Int | None) -> Any:
     """Section whose numbers of degrees of freedom the partitioner takes for the weights of cells."""
     section = PETSc.Section().create(comm=comm)
     section.setChart(*plex.getChart())
-    if mesh is not None:
-        for cell, weight in enumerate(np.rint(10.0 * cell_costs(mesh, costs)).astype(int).tolist()):
+    if weight_c is not None:
+        for cell, weight in enumerate(weight_c.tolist()):
             section.setDof(cell, weight)
     section.setUp()
     return section
