@@ -73,9 +73,10 @@ def test_compliance_of_a_small_load_is_that_of_linear_algebra(method: str, tmp_p
     [
         {},
         {"design.cases": TWO_CASES, "design.limits": {"tip": {"at_least": -0.05}}},
+        {"design.minimise": "volume", "design.limits": {"tip": {"at_least": -0.05}}},
         {"design.minimise": "", "design.maximise": "tip", "design.symmetry": {"y": 0.5}},
     ],
-    ids=["compliance", "two load cases with a limit", "symmetric, a probe made large"],
+    ids=["compliance", "two load cases with a limit", "volume", "symmetric, a probe made large"],
 )
 def test_gradients_are_those_of_differences(changes: dict[str, object], tmp_path: Path) -> None:
     """Central differences of objective and limits at a moderate load, in fifty random directions and variables."""

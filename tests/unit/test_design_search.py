@@ -17,6 +17,7 @@ from tmc_vem import RunResult, optimise
 from tmc_vem.cli.main import _run
 from tmc_vem.design.record import read_records
 from tmc_vem.results.design_run import DesignRun
+from tmc_vem.simulation.problem_file import read_problem
 
 Float = NDArray[np.float64]
 COMMAND = ["-c", "from tmc_vem.cli.main import main; main()"]
@@ -176,3 +177,22 @@ def test_bad_input_is_said_in_a_line(arguments: tuple[str, ...], message: str, t
     said = capsys.readouterr().err
     assert message in said
     assert said.count("\n") == 1
+
+
+def test_the_least_volume_within_a_limit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The limit is active in the end; without one, or made large, the volume is no objective."""
+    file = cantilever_file(tmp_path, CANTILEVER.replace("volume = 0.5", "start = 0.9"))
+    stiff = optimise(*read_problem(file, {"design.iterations": 1})[:1], None, **QUICK)
+    bound = 2.0 * stiff.values["compliance"]
+    limits = {"compliance": {"at_most": bound}}
+    changes = {"design.minimise": "volume", "design.iterations": 30, "design.limits": limits}
+    problem, options = read_problem(file, changes)
+    least = optimise(problem, tmp_path / "least", options, **QUICK)
+    assert least.feasible
+    assert least.objective == least.volume < 0.6
+    assert least.values["compliance"] == pytest.approx(bound, rel=0.01)
+    assert list(numbers(tmp_path / "least", "objective")) == list(numbers(tmp_path / "least", "volume"))
+    for changed in (["design.minimise=volume"], ["design.minimise=''", "design.maximise=volume"]):
+        words = [word for change in changed for word in ("--set", change)]
+        assert _run(["optimise", str(file), *words, "--out", str(tmp_path / "no")]) == 2
+        assert "it can be made small within limits" in capsys.readouterr().err

@@ -83,7 +83,7 @@ def rows_of(run: DesignRun) -> list[tuple[str, str]]:
         bound = f"at most {limit.at_most:g}" if limit.at_most is not None else f"at least {limit.at_least:g}"
         rows.append((f"limit, {name}", f"{limit.value:.6g}, {bound}, margin {limit.margin:.3g}"))
     rows += [(name, f"{value:.6e}") for name, value in run.values.items() if name != run.of]
-    if "volume" not in run.limits:
+    if "volume" not in (run.of, *run.limits):
         rows.append(("volume", f"{run.volume:.6g}"))
     rows.append(("search", f"{'converged' if run.converged else 'not converged'}: {run.reason}"))
     rows.append(("stationarity", f"{run.stationarity:.3g} of the gradient is left"))

@@ -20,7 +20,7 @@ from tmc_vem.design.variables import Parametrisation, parametrise
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.description import ProblemTable
 from tmc_vem.problems.design_region import design_regions
-from tmc_vem.problems.design_table import DesignTable, FilterTable, LimitTable, PassiveTable
+from tmc_vem.problems.design_table import VOLUME, DesignTable, FilterTable, LimitTable, PassiveTable
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.problem_file import with_changes
@@ -36,7 +36,6 @@ Int = NDArray[np.int64]
 CELLS_OF_FILTER = 3.0  # its default radius in sizes of cells
 # Evaluations after which the load is applied from the beginning too, so that the branch is known to be that of loading.
 LOOKED_AT = (10, 20, 40, 80, 160, 320, 640)
-VOLUME = "volume"
 
 
 @dataclass(frozen=True)
@@ -96,7 +95,7 @@ class Evaluator:
         self.mesh: PolygonMesh = from_root(comm, problem.make_mesh)
         self.parametrisation = _parametrisation(problem, table, self.mesh)
         limits = {name: limit.of or name for name, limit in table.limits.items()}
-        self.wanted = tuple(dict.fromkeys((table.objective, *limits.values())))
+        self.wanted = tuple(dict.fromkeys((*(() if table.by_volume else (table.objective,)), *limits.values())))
         self.weights = {case.name: case.weight for case in table.cases} or {"": 1.0}
         self.cases: dict[str, LoadCase] = {}
         for name, changed in _problems(problem, table).items():
@@ -185,11 +184,13 @@ class Evaluator:
     def _evaluation(self, z: Float, solved: Mapping[str, Solved]) -> Evaluation:
         table, of = self.table, self.parametrisation
         objective, slope_c = 0.0, np.zeros(self.mesh.n_cells)
-        for name, found in solved.items():
+        for name, found in solved.items() if not table.by_volume else ():
             weight = table.sign * self.weights[name]
             objective += weight * found.values[table.objective]
             slope_c += weight * found.by_stiffness[table.objective]
         gradient = of.backward(z, by_factor_c=slope_c[of.cells])
+        if table.by_volume:
+            objective, gradient = of.volume(z), of.volume_gradient(z)
         values, rows = [], []
         if table.volume is not None:
             values.append(of.volume(z) / table.volume - 1.0)

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.design.directory import DesignDirectory, read_rows
-from tmc_vem.design.evaluator import VOLUME
 from tmc_vem.design.final import called, final_problems, write_final, write_problems
 from tmc_vem.design.optimise import FEASIBLE, DesignResult, Optimisation
 from tmc_vem.design.snapshots import DesignSnapshots
 from tmc_vem.problems.base import media_of
+from tmc_vem.problems.design_table import VOLUME
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.results.design_run import DesignRun, LimitValue
 from tmc_vem.simulation.options import RunOptions
@@ -116,6 +116,8 @@ class Outcome:
 
     def _objective(self, values: Mapping[str, float]) -> float:
         evaluator = self._search.evaluator
+        if evaluator.table.by_volume:
+            return evaluator.parametrisation.volume(self._result.optimum.z)
         several = len(evaluator.cases) > 1
         return sum(
             evaluator.weights[case]

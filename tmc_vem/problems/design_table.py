@@ -17,6 +17,7 @@ from tmc_vem.support.validation import check_fields, require_finite, require_pos
 
 LAWS = ("simp", "ramp")
 FILTERS = ("cone", "helmholtz", "none")
+VOLUME = "volume"
 METHODS = ("mma", "ccsaq", "oc")
 WORST_CASE = 100
 _NAME = re.compile(r"[A-Za-z][\w-]*", re.ASCII)
@@ -154,7 +155,9 @@ class DesignTable:
 
     minimise: str = field(
         default="",
-        metadata=about("Result that is made small: compliance, a probe, reaction, ...; the sum over all load cases."),
+        metadata=about(
+            "Result that is made small: compliance, a probe, reaction, ...; the sum over all load cases. Or volume."
+        ),
     )
     maximise: str = field(default="", metadata=about("Result that is made large, instead."))
     volume: float | None = field(
@@ -193,6 +196,11 @@ class DesignTable:
             raise InputError('give one of minimise and maximise, such as minimise = "compliance"')
         if self.volume is not None:
             require_within("volume", self.volume, 1e-6, 1.0, "a fraction of the design regions")
+        if self.by_volume and (self.maximise or not self.limits):
+            raise InputError(
+                "volume is what the design regions have of solid: it can be made small within limits, for example "
+                'minimise = "volume" with limits = { reaction = { at_least = 1 } }'
+            )
         if self.start is not None:
             require_within("start", self.start, 0.0, 1.0, "a density")
         elif self.volume is None:
@@ -215,6 +223,11 @@ class DesignTable:
     def objective(self) -> str:
         """Name of the result that is made small or large."""
         return self.minimise or self.maximise
+
+    @property
+    def by_volume(self) -> bool:
+        """Whether the volume itself is the objective, whatever the loads do."""
+        return self.objective == VOLUME
 
     @property
     def sign(self) -> float:
