@@ -114,6 +114,9 @@ def test_directories_of_searches_are_no_runs_and_keep_their_result(
     ):
         assert _run(list(words)) == 2
         assert f"is run in {tmp_path / 'found' / 'final'}" in capsys.readouterr().err
+    words = ["gradient", f"{found}/final.toml", "--of", "reaction", "--by", "regions.design.stiffness", "--quiet"]
+    assert _run(words) == 2
+    assert "or 'design.stiffness', by which the stiffnesses of all cells are multiplied" in capsys.readouterr().err
     assert _run(["optimise", str(tmp_path / "plate.toml"), "--out", found]) == 2
     assert "has a search for a design in it: choose another, or say --overwrite" in capsys.readouterr().err
     before = (tmp_path / "found" / "result.json").read_bytes()

@@ -51,7 +51,9 @@ def value_of(problem: Problem, name: str) -> float:
             if isinstance(place, str)
             else "is no number"
         )
-        raise InputError(f"'{name}' {what}: name a number of the problem")
+        of_design = len(way) == 3 and (way[0], way[2]) == ("regions", "stiffness")
+        level = f", or '{way[1]}.stiffness', by which the stiffnesses of all cells are multiplied" if of_design else ""
+        raise InputError(f"'{name}' {what}: name a number of the problem{level}")
     return float(place)
 
 
