@@ -30,6 +30,7 @@ from tmc_vem.solve.newton import Iteration, OnIteration
 from tmc_vem.solve.stepping import LoadStepper, Step
 from tmc_vem.support.distributed import Comm, Vec
 from tmc_vem.support.errors import EvaluationError, InputError
+from tmc_vem.support.petsc import PETSc
 
 Float = NDArray[np.float64]
 
@@ -136,6 +137,7 @@ class LoadCase:
         Returns:
             None if no equilibrium was found.
         """
+        PETSc.garbage_cleanup(self.system.comm)  # vectors of the design before, which petsc4py only puts aside
         mine = self._mine(stiffness_c)
         before = self._solver.iterations_done
         budget = Budget(self._options.max_iterations or MOST_ITERATIONS)
