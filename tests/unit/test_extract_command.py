@@ -12,6 +12,7 @@ import pytest
 from matplotlib.image import imread
 
 from tmc_vem.cli.main import _run
+from tmc_vem.design import extract_run
 from tmc_vem.design.extract_directory import FOUND
 from tmc_vem.report.design_figure import VOLUMES, history_figure
 from tmc_vem.results.run_result import RunResult
@@ -95,7 +96,13 @@ def test_run_and_comparison(found: Path, tmp_path: Path, capsys: pytest.CaptureF
     assert set(problem.make_mesh().region_names) == {"solid", "medium"}
 
 
-def test_default_place_and_options(found: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def killed(*_: Any, **__: Any) -> None:
+    raise RuntimeError("killed")
+
+
+def test_default_place_and_options(
+    found: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     directory = tmp_path / "plate"
     shutil.copytree(found, directory)
     shutil.rmtree(directory / "final")
@@ -109,6 +116,10 @@ def test_default_place_and_options(found: Path, tmp_path: Path, capsys: pytest.C
     assert "has outlines in it: choose another, or say --overwrite" in err
     out, _ = said(capsys, "extract", str(directory), "--overwrite", "--run")  # no run of the densities is there
     assert "reaction" in out
+    with monkeypatch.context() as patched:  # a kill on the way leaves what the next one may replace
+        patched.setattr(extract_run, "write_extracted", killed)
+        with pytest.raises(RuntimeError):
+            _run(["extract", str(directory), "--overwrite", "--quiet"])
     said(capsys, "extract", str(directory), "--overwrite", "--quiet")
     assert not (directory / "outlines" / "run").exists()
     assert not (directory / "outlines" / "curves.png").exists()

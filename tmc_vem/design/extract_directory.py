@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from tmc_vem.results.design_run import OUTLINES
 from tmc_vem.results.directory import RunDirectory
 from tmc_vem.results.records import DESIGN, finite
 from tmc_vem.support.files import write_atomically
@@ -45,6 +46,7 @@ class OutlinesDirectory(RunDirectory):
         for beginning in BEGINNINGS if known else ():
             for leftover in self.path.glob(f"{beginning}*.*"):
                 leftover.unlink()
+        self.write_found({"kind": OUTLINES, "complete": None})  # a kill leaves a directory that can be told from others
 
     def write_found(self, found: Mapping[str, Any]) -> str:
         """Write, and return, what was found as JSON."""
