@@ -463,7 +463,12 @@ def _distance(points: Float, start: Float, end: Float) -> Float:
 def _plain(value: Any) -> Any:
     """Without what is not given; tuples as lists, as they come back from JSON."""
     if isinstance(value, Mapping):
-        return {key: _plain(entry) for key, entry in value.items() if entry is not None and entry != {} and entry != ()}
+        given = {key: entry for key, entry in value.items() if entry is not None and not _is_empty(entry)}
+        return {key: _plain(entry) for key, entry in given.items()}
     if isinstance(value, tuple | list):
         return [_plain(entry) for entry in value]
     return value
+
+
+def _is_empty(entry: Any) -> bool:
+    return isinstance(entry, Mapping | tuple) and not entry
