@@ -156,7 +156,7 @@ def part_of(parameters: Mapping[str, Value], some: Any) -> dict[str, Value]:
 
 
 def components(of: Input, tensor: NDArray[Any], before: str = "") -> dict[str, NDArray[Any]]:
-    """Components (...) of a tensor (..., *shape of the input) by name, ``F11``, with something written before it."""
+    """Components (...) of a tensor (..., shape of the input) by name, ``F11``, with something written before it."""
     last = tensor.ndim - len(of.shape)
     leading = np.ascontiguousarray(np.moveaxis(tensor, range(last), range(len(of.shape), tensor.ndim)))
     return {before + name: leading[index] for index, name in zip(of.indices, of.names, strict=True)}

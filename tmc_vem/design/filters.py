@@ -89,7 +89,7 @@ class ConeFilter:
     matrix_cc: Any
 
     def forward(self, x_c: Float) -> Float:
-        """y_c = sum_d w_cd a_d x_d / sum_d w_cd a_d with w_cd = max(0, r - |x_c - x_d|) (n_cells,)."""
+        """``y_c = sum_d w_cd a_d x_d / sum_d w_cd a_d`` with ``w_cd = max(0, r - |x_c - x_d|)`` (n_cells,)."""
         return np.asarray(self.matrix_cc @ x_c, dtype=np.float64)
 
     def backward(self, dv_dy_c: Float) -> Float:

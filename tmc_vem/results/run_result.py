@@ -168,7 +168,7 @@ class RunResult:
     def gradient(self, of: Any, by: str, *, per_cell: bool = False) -> Any:
         """Derivative of a result at the last state with respect to a number of the problem, by an adjoint field.
 
-        ``result.gradient("gap", "regions.block.solid.E")``; for several, :func:`tmc_vem.sensitivity.sensitivities` does
+        ``result.gradient("gap", "regions.block.solid.E")``; for several, :func:`tmc_vem.sensitivity.at_end.sensitivities` does
         the work once. See docs/howto/sensitivities.md.
 
         Args:
