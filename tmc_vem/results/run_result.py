@@ -168,8 +168,8 @@ class RunResult:
     def gradient(self, of: Any, by: str, *, per_cell: bool = False) -> Any:
         """Derivative of a result at the last state with respect to a number of the problem, by an adjoint field.
 
-        ``result.gradient("gap", "regions.block.solid.E")``; for several, :func:`tmc_vem.sensitivity.at_end.sensitivities` does
-        the work once. See docs/howto/sensitivities.md.
+        ``result.gradient("gap", "regions.block.solid.E")``; for several,
+        :func:`tmc_vem.sensitivity.at_end.sensitivities` does the work once. See docs/howto/sensitivities.md.
 
         Args:
             of: a probe by name, ``reaction``, ``displacement``, ``energy``, ``compliance``, ... or a functional.

@@ -133,7 +133,8 @@ def sensitivities(result: RunResult) -> Sensitivities:
     """Derivatives at the last state of a run; the discretisation is made once more, nothing is solved again.
 
     Args:
-        result: of :func:`tmc_vem.simulation.simulation.run`, or read from the directory of a run of a problem file; then on all ranks.
+        result: of :func:`tmc_vem.simulation.simulation.run`, or read from the directory of a run of a problem file;
+            then on all ranks.
 
     Raises:
         InputError: the result has no state: no step has converged, or the directory has no problem file or checkpoint.

@@ -1,7 +1,7 @@
 """Derivatives of fields of stress and strain by the components of the tensors that they are made of.
 
-The fields are those of ``SCALARS`` of :mod:`tmc_vem.system.tensors`. Where two principal values are equal, the derivatives of
-both are those of their mean; where there is no stress at all, that of the von Mises stress is 0.
+The fields are those of ``SCALARS`` of :mod:`tmc_vem.system.tensors`. Where two principal values are equal, the
+derivatives of both are those of their mean; where there is no stress at all, that of the von Mises stress is 0.
 """
 
 from __future__ import annotations
