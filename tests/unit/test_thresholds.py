@@ -64,7 +64,8 @@ THRESHOLDS: dict[str, dict[str, Any]] = {
     "support.parallel": {"PATIENCE": 20.0},
     "support.vtk_types": {"BLUNT": 1e-4},
     "system.places": {"ROUNDING": 1e-6},
-    "cli.list": {"WIDEST": 24, "WHOLE": 10_000, "RESULTS": ("load", "gap", "reaction", "doubts")},
+    "cli.columns": {"WHOLE": 10_000},
+    "cli.list": {"WIDEST": 24, "RESULTS": ("load", "gap", "reaction", "doubts")},
     "cli.progress": {"SILENCE": 20.0},
 }  # fmt: skip
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,14 @@ class EndOfRun:
     stage: int
     kept: Sequence[Float]
 
+    def __deepcopy__(self, memo: object) -> EndOfRun:
+        """The same: nothing of it changes, and ranks cannot be copied."""
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """None: what is sent to other processes, or kept in a file, has no ranks."""
+        return _nothing, ()
+
     @staticmethod
     def of(problem: Problem, options: RunOptions, system: Discretisation, u: Vec, last: StepRecord) -> EndOfRun:
         """That of a run whose last step has led to ``u``."""
@@ -75,3 +84,7 @@ class EndOfRun:
         parts = self.comm.allgather((self.labels_nz, nodal_sni))
         labels, states = (np.concatenate([part[n] for part in parts], axis=n) for n in (0, 1))
         return [state_ni.ravel() for state_ni in Checkpoint({}, labels, states).values_at(labels_nz)]
+
+
+def _nothing() -> None:
+    return None
