@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import pickle
 import subprocess
 import sys
 from dataclasses import asdict, replace
@@ -24,7 +25,7 @@ OPTIONS = RunOptions(steps=2, snapshots=1)
 
 
 def without_times(result: RunResult) -> dict[str, Any]:
-    plain = asdict(replace(result, seconds={}, directory=None, parallel={}, curves=None))
+    plain = asdict(replace(result, seconds={}, directory=None, parallel={}, curves=None, end=None))
     for record in plain["history"]:
         record["seconds"] = 0.0
     return plain
@@ -45,6 +46,8 @@ def test_what_is_prepared_can_be_looked_at_and_goes_as_run_does(tmp_path: Path) 
     assert result.complete
     assert (simulation.n_cells, simulation.n_dofs) == (result.n_cells, result.n_dofs)
     assert (tmp_path / "box" / "result.json").exists()
+    assert asdict(result)["end"] is result.end
+    assert pickle.loads(pickle.dumps(result)).end is None, "a state has ranks, which stay where they are"
     assert without_times(result) == without_times(run(BOX, tmp_path / "other", OPTIONS))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,13 +20,13 @@ from tmc_vem.system.layout import DISPLACEMENT
 Float = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
 class EndOfRun:
     """What a discretisation made anew needs to stand where a run has ended, on as many ranks.
 
-    Partitioners of meshes draw random numbers, so that a mesh that is spread again can lie on the ranks otherwise.
+    Partitioners of meshes draw random numbers, so that a mesh that is spread again can lie on the ranks otherwise. This
+    is no dataclass, so that ``asdict`` of a result takes it as a whole.
 
-    Attributes:
+    Args:
         problem, options: of the run.
         comm: its ranks.
         labels_nz: (n_owned_nodes, 3) labels of this rank's nodes.
@@ -36,14 +35,13 @@ class EndOfRun:
         stage, kept: what stages have kept of the states before, see ``Discretisation.memory``.
     """
 
-    problem: Problem
-    options: RunOptions
-    comm: Comm
-    labels_nz: Float
-    values: Float
-    position: Control
-    stage: int
-    kept: Sequence[Float]
+    def __init__(
+        self, problem: Problem, options: RunOptions, comm: Comm, labels_nz: Float, values: Float, position: Control,
+        stage: int, kept: Sequence[Float],
+    ) -> None:  # fmt: skip
+        self.problem, self.options, self.comm = problem, options, comm
+        self.labels_nz, self.values = labels_nz, values
+        self.position, self.stage, self.kept = position, stage, kept
 
     def __deepcopy__(self, memo: object) -> EndOfRun:
         """The same: nothing of it changes, and ranks cannot be copied."""
