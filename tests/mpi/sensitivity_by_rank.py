@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from test_sensitivity_loads import BESIDE, GRADED, HELD, INCLINED, SEAL, loaded
 
 from tmc_vem import RunOptions, run
 from tmc_vem.sensitivity import sensitivities
+from tmc_vem.simulation.end_of_run import EndOfRun
 from tmc_vem.simulation.simulation import prepare
 
 OF = ("gap", "side", "hold", "squeezed", "mises", "stored", "energy", "reaction", "contact.block.force_y",
@@ -63,7 +63,7 @@ assert end is not None
 system = prepare(problem, None, end.options).system
 assert np.array_equal(system.node_labels(), end.labels_nz)
 rotated = MPI.COMM_WORLD.allgather((end.labels_nz, end.values))[(MPI.COMM_WORLD.rank + 1) % MPI.COMM_WORLD.size]
-elsewhere = replace(end, labels_nz=rotated[0], values=rotated[1])
+elsewhere = EndOfRun(**{**vars(end), "labels_nz": rotated[0], "values": rotated[1]})
 assert np.array_equal(elsewhere.give(system).getArray(), end.values)
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps(found))
