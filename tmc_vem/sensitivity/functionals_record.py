@@ -47,7 +47,7 @@ class FunctionalState:
 
 @dataclass(frozen=True)
 class Direct:
-    """Derivatives of j by what some cells of one region have of parameters, u held.
+    """Derivatives by what some cells of one region have of parameters: of j with u held, or of a result in all.
 
     Attributes:
         region: its name.

@@ -17,32 +17,14 @@ from tmc_vem.problems.base import Problem, with_friction
 from tmc_vem.sensitivity.changes import Change, Changes, require_cells
 from tmc_vem.sensitivity.equilibrium import Adjoint, Equilibrium, Moved
 from tmc_vem.sensitivity.functionals import functional_of
-from tmc_vem.sensitivity.functionals_record import CellParts, Derivative, Functional
+from tmc_vem.sensitivity.functionals_record import CellParts, Derivative, Direct, Functional
 from tmc_vem.sensitivity.numbers import rate, with_value
-from tmc_vem.support.distributed import Vec
+from tmc_vem.simulation.reading import along_x_and_y
 from tmc_vem.support.errors import InputError
-from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.sensitivity import CellDerivatives
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class OfCells:
-    """Derivatives of a result by the values that parameters have in some cells.
-
-    Attributes:
-        region: their region.
-        cells: (n_cells,) which of this rank's cells.
-        names: parameters of the region's energy.
-        values_ck: (n_cells, n_names).
-    """
-
-    region: str
-    cells: Int
-    names: tuple[str, ...]
-    values_ck: Float
 
 
 @dataclass(frozen=True)
@@ -59,7 +41,7 @@ class Sensitivity:
     name: str
     derivative: Derivative
     adjoint: Adjoint
-    of_cells: Sequence[OfCells]
+    of_cells: Sequence[Direct]
 
     @property
     def value(self) -> float:
@@ -121,9 +103,9 @@ class Gradients:
         mine = sum(float(values.sum()) for _, values in self._in_cells(sensitivity, change))
         total = 0.0
         if change.force_ni is not None:
-            by_forces_ni = -self._along(field)
+            by_forces_ni = -along_x_and_y(self._system, field)
             if derivative.by_forces is not None:
-                by_forces_ni += self._along(derivative.by_forces)
+                by_forces_ni += along_x_and_y(self._system, derivative.by_forces)
             mine += float((by_forces_ni * change.force_ni).sum())
         if change.prescribed is not None:
             moved = self._moved(change)
@@ -179,15 +161,15 @@ class Gradients:
         adjoint = self.equilibrium.adjoint(derivative)
         parts = derivative.by_cells or CellParts()
         energy_weight_c = parts.energy_weight_c
-        cells: list[OfCells] = []
+        cells: list[Direct] = []
         for each in system.parameter_derivatives(state.u, adjoint.field):
             values_ck = each.residual_ck.copy()
             if energy_weight_c is not None:
                 values_ck += energy_weight_c[each.cells, None] * each.energy_ck
-            cells.append(OfCells(each.region, each.cells, each.names, values_ck))
+            cells.append(Direct(each.region, each.cells, each.names, values_ck))
         if parts.chosen_c is not None and parts.field is not None:
             cells += [_chosen(each, parts.chosen_c) for each in system.parameter_derivatives(state.u, parts.field)]
-        cells += [OfCells(each.region, each.cells, each.names, each.values_ck) for each in parts.direct]
+        cells += parts.direct
         name = of if isinstance(of, str) else of.words
         return Sensitivity(name, derivative, adjoint, cells)
 
@@ -235,13 +217,6 @@ class Gradients:
 
         return float(rate(value, change.value, self._comm)[0])
 
-    def _along(self, vector: Vec) -> Float:
-        """(n_owned_nodes, 2) components along x and y of this rank's part of a vector."""
-        own_ni = DISPLACEMENT.nodal(vector.getArray(readonly=True))
-        first = sum(self._comm.allgather(len(own_ni))[: self._comm.rank])
-        along_ni: Float = np.einsum("nij,nj->ni", self._system.turned().of(first + np.arange(len(own_ni))), own_ni)
-        return along_ni
-
 
 def refuse_friction(problem: Problem) -> None:
     """Check that a state depends on the present numbers alone.
@@ -257,6 +232,6 @@ def refuse_friction(problem: Problem) -> None:
         )
 
 
-def _chosen(each: CellDerivatives, chosen_c: NDArray[np.bool_]) -> OfCells:
+def _chosen(each: CellDerivatives, chosen_c: NDArray[np.bool_]) -> Direct:
     kept = chosen_c[each.cells]
-    return OfCells(each.region, each.cells[kept], each.names, each.residual_ck[kept])
+    return Direct(each.region, each.cells[kept], each.names, each.residual_ck[kept])
