@@ -74,6 +74,23 @@ class CellTerms:
         self.block.kernel.cells(self.batch, u_ni, self.block.parameters, None, tangents)
 
 
+def add_products(
+    terms: Terms, u_ni: Float, du_ni: Float, total_ni: Float, among: NDArray[np.bool_] | None = None
+) -> None:
+    """Add products of tangents at ``u_ni`` and ``du_ni`` to ``total_ni``, all (n_nodes, 2), without a matrix.
+
+    Args:
+        among: (n,) the terms that take part; all of them. Those where ``du_ni`` is zero are not computed.
+    """
+    moving = du_ni.any(axis=1)[terms.nodes_ca].any(axis=1)
+    chosen = np.flatnonzero(moving if among is None else moving & among)
+    for first in range(0, len(chosen), CHUNK):
+        some = terms.take(chosen[first : first + CHUNK])
+        nodes, n = some.nodes_ca, DISPLACEMENT.size(some.nodes_ca.shape[1])
+        products = some.tangents(u_ni).reshape(-1, n, n) @ du_ni[nodes].reshape(-1, n, 1)
+        np.add.at(total_ni, nodes, products.reshape(*nodes.shape, DISPLACEMENT.components))
+
+
 @dataclass(frozen=True)
 class _Direct:
     """Terms that go straight into the matrix, and where."""

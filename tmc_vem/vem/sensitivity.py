@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from tmc_vem.mesh.spread.distribute import DistributedMesh
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import InputError
-from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.sensitivity import CellDerivatives, PointForces
-from tmc_vem.vem.blocks import CHUNK, Block
+from tmc_vem.vem.blocks import Block
 from tmc_vem.vem.facets.penalty import InteriorPenalty
-from tmc_vem.vem.insertion import CellTerms
+from tmc_vem.vem.insertion import CellTerms, add_products
 from tmc_vem.vem.kernel.by_parameters import compile_cells_by_parameters
 from tmc_vem.vem.point_states import point_states
 
@@ -104,10 +103,7 @@ class WithSensitivities:
                     rows_cpa = rows_cqra.reshape(n_cells, -1, n_basis)
                     force_cai = np.swapaxes(rows_cpa, 1, 2) @ f_cqri.reshape(n_cells, -1, 2)
                     np.add.at(total, block.batch.nodes_ca[chosen], force_cai)
-        vector = self.create_vector()
-        self._add(total.ravel(), vector)
-        out.axpy(1.0, vector)
-        vector.destroy()
+        self._add_to(out, total)
 
     def cell_tangent_action(self, u: Vec, du: Vec, chosen_c: Bool, out: Vec) -> None:
         """Add to ``out`` the product of the tangent at ``u`` of some cells (n_cells,) alone, and ``du``."""
@@ -117,16 +113,14 @@ class WithSensitivities:
 
         def compute() -> None:
             for block in self.blocks:
-                nodes_ca = block.batch.nodes_ca
-                chosen = np.flatnonzero(chosen_c[block.cells] & du_ni[nodes_ca].any(axis=(1, 2)))
-                for first in range(0, len(chosen), CHUNK):
-                    some = CellTerms(block, block.batch.take(chosen[first : first + CHUNK]))
-                    nodes, n = some.nodes_ca, DISPLACEMENT.size(nodes_ca.shape[1])
-                    products = some.tangents(u_ni).reshape(-1, n, n) @ du_ni[nodes].reshape(-1, n, 1)
-                    np.add.at(total, nodes, products.reshape(*nodes.shape, DISPLACEMENT.components))
+                add_products(CellTerms(block, block.batch), u_ni, du_ni, total, chosen_c[block.cells])
 
         self._together(compute)
+        self._add_to(out, total)
+
+    def _add_to(self, out: Vec, total_ni: Float) -> None:
+        """Add to ``out`` what this rank has at nodes (n_nodes, 2)."""
         vector = self.create_vector()
-        self._add(total.ravel(), vector)
+        self._add(total_ni.ravel(), vector)
         out.axpy(1.0, vector)
         vector.destroy()

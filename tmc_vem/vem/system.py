@@ -29,12 +29,12 @@ from tmc_vem.system.reduction import Shares, at_named_points, extent, reaction, 
 from tmc_vem.system.sides import Sides
 from tmc_vem.system.unloaded import require_regions
 from tmc_vem.vem import cell_values
-from tmc_vem.vem.blocks import CHUNK, Block, RegionKernel, make_blocks, resisting_forces
+from tmc_vem.vem.blocks import Block, RegionKernel, make_blocks, resisting_forces
 from tmc_vem.vem.dofmap import DofMap
 from tmc_vem.vem.facets.exchange import Halo
 from tmc_vem.vem.facets.penalty import InteriorPenalty, SideTerms
 from tmc_vem.vem.friction import WithFriction, friction_of
-from tmc_vem.vem.insertion import CellTerms, MatrixInsertion, Terms
+from tmc_vem.vem.insertion import CellTerms, MatrixInsertion, Terms, add_products
 from tmc_vem.vem.kernel.cells import CellValues
 from tmc_vem.vem.loads import body_load, sides_along
 from tmc_vem.vem.named_nodes import marked_here
@@ -192,15 +192,9 @@ class VemSystem(WithSensitivities, WithFriction):
         self._together(lambda: self._add_products(state, du_nodes, total))
         self._add_extended(total, out)
 
-    def _add_products(self, u_nodes: Float, du_nodes: Float, total: Float) -> None:
-        moves = du_nodes.any(axis=1)
+    def _add_products(self, state: Float, du_nodes: Float, total: Float) -> None:
         for terms in self._terms():
-            moving = np.flatnonzero(moves[terms.nodes_ca].any(axis=1))
-            for first in range(0, len(moving), CHUNK):
-                some = terms.take(moving[first : first + CHUNK])
-                nodes, n = some.nodes_ca, DISPLACEMENT.size(some.nodes_ca.shape[1])
-                products = some.tangents(u_nodes).reshape(-1, n, n) @ du_nodes[nodes].reshape(-1, n, 1)
-                np.add.at(total, nodes, products.reshape(*nodes.shape, DISPLACEMENT.components))
+            add_products(terms, state, du_nodes, total)
 
     def max_step(self, u: Vec, du: Vec) -> float:
         """Largest s with J > 0 at every quadrature point along u + t du, t < s."""
