@@ -19,14 +19,14 @@ from tmc_vem.system.interior_penalty import require_weights
 from tmc_vem.vem.facets.batch import SideBatch
 from tmc_vem.vem.facets.energy import ETA, JUMP_BY_NORMAL, facet_integrand
 from tmc_vem.vem.kernel.cells import require_memory
-from tmc_vem.vem.kernel.driver import LANE_PRODUCTS, STEP_LIMIT
+from tmc_vem.vem.kernel.driver import LANE_PRODUCTS, PACKED_HESSIAN, STEP_LIMIT
 
 Float = NDArray[np.float64]
 Int32 = NDArray[np.int32]
 
 HERE = Path(__file__).parent
 
-SIDE_DRIVER = Driver(header=HERE / "sides_abi.h", files=(LANE_PRODUCTS, STEP_LIMIT, HERE / "sides.c"))
+SIDE_DRIVER = Driver(header=HERE / "sides_abi.h", files=(LANE_PRODUCTS, STEP_LIMIT, PACKED_HESSIAN, HERE / "sides.c"))
 
 
 class SideKernel(Kernel):

@@ -8,14 +8,16 @@ from codegen.driver import Driver
 
 HERE = Path(__file__).parent
 
-# Vectors of lanes with products of small matrices of them, and the largest step with J > 0 at points.
-LANE_PRODUCTS, STEP_LIMIT = HERE / "lanes.c", HERE / "limit.c"
+# Vectors of lanes with products of small matrices of them, the largest step with J > 0 at points, and where entries of
+# the Hessian at a point lie.
+LANE_PRODUCTS, STEP_LIMIT, PACKED_HESSIAN = HERE / "lanes.c", HERE / "limit.c", HERE / "hessian.c"
 
 CELL_DRIVER = Driver(
     header=HERE / "kernel_abi.h",
     files=(
         LANE_PRODUCTS,
         STEP_LIMIT,
+        PACKED_HESSIAN,
         *(HERE / name for name in ("shapes.c", "friction.c", "polynomials.c", "residual.c", "tangent.c", "entries.c")),
     ),
 )

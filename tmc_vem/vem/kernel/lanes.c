@@ -101,8 +101,3 @@ static void *allocate_vectors(size_t n, vec **first) {
   *first = (vec *)(((uintptr_t)allocated + sizeof(vec) - 1) / sizeof(vec) * sizeof(vec));
   return allocated;
 }
-
-/* Position of (row, column), row <= column, in the packed upper triangle of the Hessian. */
-static inline int packed(int row, int column) { return row * N_X - row * (row - 1) / 2 + column - row; }
-
-static inline int hessian_index(int a, int b) { return a <= b ? packed(a, b) : packed(b, a); }

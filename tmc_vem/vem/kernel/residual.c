@@ -65,6 +65,19 @@ ALWAYS_INLINE void to_nodes(const int n_x, int n_m, int n_basis, const vec *C_xm
   }
 }
 
+/* Derivatives the transposed way: forces on them are added to those on the polynomials. */
+ALWAYS_INLINE void add_differentiated(const derivatives of, const tmc_batch *batch, const vec *inverse_h, const vec *to,
+                                      vec *from) {
+  for (int m = 0; m < of.n_m; ++m)
+#pragma GCC unroll 2
+    for (int x = 0; x < 2; ++x) {
+      const vec factor = *inverse_h * batch->power_mx[2 * m + x];
+      vec *f = from + (batch->raised_mx[2 * m + x] - of.first) * of.from_m;
+      const vec *t = to + m * of.to_m + x * of.to_x;
+      for (int k = 0; k < of.width; ++k) f[k] += factor * t[k];
+    }
+}
+
 /* The transposed way: forces T on these polynomials are added to the residual. */
 static void first_forces(const workspace *work, const tmc_batch *batch, int piece, vec *Q_mi, const vec *T_mxi) {
   const int n_1 = batch->n_first, n = batch->n_basis, n_stored = batch->n_stored;

@@ -112,19 +112,6 @@ ALWAYS_INLINE void differentiate(const derivatives of, const tmc_batch *batch, c
     }
 }
 
-/* The transposed way: forces on the derivatives are added to those on the polynomials. */
-ALWAYS_INLINE void add_differentiated(const derivatives of, const tmc_batch *batch, const vec *inverse_h, const vec *to,
-                                      vec *from) {
-  for (int m = 0; m < of.n_m; ++m)
-#pragma GCC unroll 2
-    for (int x = 0; x < 2; ++x) {
-      const vec factor = *inverse_h * batch->power_mx[2 * m + x];
-      vec *f = from + (batch->raised_mx[2 * m + x] - of.first) * of.from_m;
-      const vec *t = to + m * of.to_m + x * of.to_x;
-      for (int k = 0; k < of.width; ++k) f[k] += factor * t[k];
-    }
-}
-
 /* Coefficients, weights and monomials of the cells from first_cell on. Returns 0 and does nothing if their shapes are
  * those of the call before. */
 static int take_shapes(workspace *work, const tmc_batch *batch, int64_t first_cell) {
