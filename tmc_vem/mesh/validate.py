@@ -28,6 +28,15 @@ def check_polygons(points_vx: Float, cell_offsets: Int, cell_vertices: Int) -> N
         _check_group(cells, vertices_cv, points_vx[vertices_cv])
 
 
+def is_simple(polygon_vx: Float) -> bool:
+    """Whether a polygon is simple, counter-clockwise and not degenerate."""
+    try:
+        check_polygons(polygon_vx, np.array([0, len(polygon_vx)]), np.arange(len(polygon_vx)))
+    except InputError:
+        return False
+    return True
+
+
 def _check_group(cells: Int, vertices_cv: Int, polygons_cvx: Float) -> None:
     ordered = np.sort(vertices_cv, axis=1)
     repeated = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
