@@ -395,7 +395,9 @@ def test_numbers_of_cells_are_estimated() -> None:
     assert estimate([BOX], lambda x: np.full(len(x), 1e-4), 1.0, 1e4).at_least
     with pytest.raises(InputError, match=r"cells of size 0\.001 on a domain of 4 x 2; use a larger size"):
         check_size([BOX], 1e-3, 1.0, 1e6)
-    with pytest.raises(InputError, match=r"cells down to size 0\.001 on a domain of 4 x 2; use larger sizes, or small"):
+    with pytest.raises(
+        InputError, match=r"size 0\.001, near \(0.0\d+, 0.0\d+\), on a domain of 4 x 2; use larger sizes, or small"
+    ):
         check_size([BOX], lambda x: np.full(len(x), 1e-3), 1.0, 1e4)
 
 

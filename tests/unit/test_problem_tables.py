@@ -22,8 +22,9 @@ from tmc_vem.problems.description import (
     RegionTable,
 )
 from tmc_vem.problems.mesh_tables import HUGE, STEEPEST, EdgesTable, MeshTable, RefineTable, ShapeTable
-from tmc_vem.problems.own import OwnProblem, _distance, find_edges
+from tmc_vem.problems.own import OwnProblem, find_edges
 from tmc_vem.problems.probes import Displacement, Gap, MeanJ, Position, Reaction, check_name, check_probes
+from tmc_vem.problems.shaped_mesh import distance_to_line, size_of
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.constraints import Prescribed
 
@@ -240,18 +241,20 @@ def test_how_groups_get_names(group: str, name: str, words: str) -> None:
 def test_sizes_near_places() -> None:
     near = (RefineTable((0.0, 0.0), 0.1, 0.5), RefineTable(((2.0, 0.0), (2.0, 1.0)), 0.2))
     mesh = MeshTable(size=0.4, refine=near, growth=0.25)
-    shapes = {"s": ShapeTable(rectangle=(-5.0, -5.0, 5.0, 5.0))}
-    problem = OwnProblem(table(mesh=mesh, shapes=shapes, regions={"a": replace(SOLID, shape="s")}))
-    size = problem._size()
-    assert callable(size)
     points = np.array([(0.0, 0.0), (0.0, 0.5), (0.0, 0.9), (2.0, 0.5), (2.0, 1.4), (2.4, 0.5), (-5.0, 0.0)])
-    assert size(points).tolist() == pytest.approx([0.1, 0.1, 0.2, 0.2, 0.3, 0.3, 0.4])
+    for origin in (None, (1.5, -0.25)):
+        size = size_of(mesh, [], origin)
+        assert callable(size)
+        assert size(points - (origin or (0.0, 0.0))).tolist() == pytest.approx([0.1, 0.1, 0.2, 0.2, 0.3, 0.3, 0.4])
+    assert size_of(MeshTable(size=0.4), []) == 0.4
 
 
 def test_distances_to_a_line_and_to_a_point() -> None:
     points = np.array([(0.5, 2.0), (-3.0, 4.0), (5.0, 3.0)])
-    assert _distance(points, np.array([0.0, 0.0]), np.array([2.0, 0.0])) == pytest.approx([2.0, 5.0, math.sqrt(18.0)])
-    assert _distance(points, np.array([0.5, 0.0]), np.array([0.5, 0.0])) == pytest.approx(
+    assert distance_to_line(points, np.array([0.0, 0.0]), np.array([2.0, 0.0])) == pytest.approx(
+        [2.0, 5.0, math.sqrt(18.0)]
+    )
+    assert distance_to_line(points, np.array([0.5, 0.0]), np.array([0.5, 0.0])) == pytest.approx(
         [2.0, math.hypot(3.5, 4.0), math.hypot(4.5, 3.0)]
     )
 

@@ -43,15 +43,16 @@ def comparison_command(path: str) -> click.Command:
         from tmc_vem.study.compare import file_study
 
         problem, settings = read_problem(path, parse_changes(changes))
-        sizes = three("--mesh-size", _sizes(mesh_sizes)) or [
-            factor * (problem.table.mesh.size or 0.0) for factor in (QUICK if quick else RELATIVE)
-        ]
+        mesh = problem.table.mesh
+        factors = mesh.possible(QUICK if quick else RELATIVE)
+        sizes = three("--mesh-size", _sizes(mesh_sizes)) or [factor * mesh.nominal for factor in factors]
         compare_study(file_study(problem, sizes, settings, **given), out, jobs)
 
     help_text = f"""Compare virtual and finite elements on several meshes of the problem that {path} describes.
 
-    Sizes in [mesh] refine go with the size of the cells. Finite elements get triangles where the file has Voronoi
-    cells. Steps, elements and output are those of the file's [solve] table. Examples:
+    Sizes in [mesh] refine, and cells across narrow places, go with the size of the cells. Finite elements get
+    triangles where the file has Voronoi cells. Steps, elements and output are those of the file's [solve] table.
+    Examples:
 
     \b
       tmc-vem compare {path} --mesh-size 0.1,0.07,0.05
@@ -60,7 +61,8 @@ def comparison_command(path: str) -> click.Command:
     size = click.Option(
         ["--mesh-size", "mesh_sizes"], multiple=True, metavar="SIZE,SIZE,...",
         help="Size of cells; give three or more. Default: 2, 1.5 and 1 times that of the file; with --quick 3, 2.25 "
-        "and 1.5 times.",
+        "and 1.5 times. Where the size is a formula, what it is multiplied with. With fit = true all are smaller if "
+        "larger cells would not fit.",
     )  # fmt: skip
     of_elements = [
         setting(FemSettings, "order", optional=True),

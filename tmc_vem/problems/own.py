@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 
 from tmc_vem.energy import Energy
 from tmc_vem.mesh.files.regions import REST
-from tmc_vem.mesh.make.far import moved, near, origin_for
+from tmc_vem.mesh.make.far import origin_for
+from tmc_vem.mesh.make.outline import Arc
 from tmc_vem.mesh.make.shapes import combine
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.base import RegionEnergy, medium_region, solid_region
+from tmc_vem.problems.cell_size import is_field, recorded, size_text
 from tmc_vem.problems.columns import check_names
 from tmc_vem.problems.conditions import check_conditions
 from tmc_vem.problems.description import MediumTable, ProblemTable, RegionTable
@@ -27,9 +29,10 @@ from tmc_vem.problems.design_region import design_region
 from tmc_vem.problems.graded import ByFormulas, OfParameters
 from tmc_vem.problems.load_tables import Load
 from tmc_vem.problems.materials import Material, Medium
-from tmc_vem.problems.mesh_tables import GRID, EdgesTable
+from tmc_vem.problems.mesh_tables import XY, EdgesTable
 from tmc_vem.problems.probes import GAP, Gap, Place, Probe, check_probes
 from tmc_vem.problems.regularisers import require_traceable
+from tmc_vem.problems.shaped_mesh import distance_to_line, mesh_of_shapes
 from tmc_vem.problems.stiffness_file import StiffnessOfFile
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
@@ -124,6 +127,14 @@ class OwnProblem:
                     )
         return mesh
 
+    def curves(self) -> tuple[Arc, ...]:
+        """Curved pieces of the outlines that its mesh follows; none for a mesh file, which has straight sides only."""
+        if not self.table.shapes:
+            return ()
+        x, y = self._origin or (0.0, 0.0)
+        arcs = [curve for region in self._outlines for curve in region.curves() if isinstance(curve, Arc)]
+        return tuple(replace(arc, center=(arc.center[0] + x, arc.center[1] + y)) for arc in arcs)
+
     def regions(self) -> Mapping[str, RegionEnergy]:
         """Energies of the regions."""
         return self._regions
@@ -160,6 +171,8 @@ class OwnProblem:
     def inputs(self) -> dict[str, Any]:
         """The whole description as plain values; files of meshes and designs by their content too."""
         plain = _plain({**asdict(self.table), "name": None, "units": None, "solve": None})
+        if callable(self.table.mesh.size):
+            plain["mesh"]["size"] = recorded(self.table.mesh.size, self._about)
         if self.table.mesh.file is not None:
             plain["mesh"]["content"] = hashlib.sha256(self._mesh_file.read_bytes()).hexdigest()[:16]
         for name, region in plain["regions"].items():
@@ -177,22 +190,29 @@ class OwnProblem:
                     del region["medium"][key]
         if self.table.mesh.cracks == "join":  # as before there was a choice
             del plain["mesh"]["cracks"]
+        for name in ("fit", "across") if not self.table.mesh.fit else ():
+            del plain["mesh"][name]
         media = [region["medium"] for region in plain["regions"].values() if "medium" in region]
-        changes = {"set": _plain(self.changes)} if self.changes else {}
+        said = {name: size_text(value) if callable(value) else value for name, value in self.changes.items()}
+        changes = {"set": _plain(said)} if self.changes else {}
         return {"problem": self.name, **plain, **({"medium": media[0]} if media else {}), **changes}
 
     def with_size(self, size: float, *, voronoi: str = "voronoi") -> OwnProblem:
         """The problem with cells of another size, those of places with smaller ones in proportion.
 
         Args:
-            size: of the cells.
+            size: of the cells; where it varies from place to place, what it is multiplied with.
             voronoi: kind of cells instead of Voronoi cells.
+
+        Raises:
+            InputError: fewer cells than needed would fit across narrow places.
         """
         mesh = self.table.mesh
         assert mesh.size is not None
-        refine = tuple(replace(place, size=place.size * size / mesh.size) for place in mesh.refine)
         cells = voronoi if mesh.cells == "voronoi" else mesh.cells
-        table = replace(self.table, mesh=replace(mesh, size=size, refine=refine, cells=cells))
+        made = mesh.scaled(size / mesh.nominal)
+        made = replace(made, cells=cells) if is_field(mesh.size) else replace(made, cells=cells, size=size)
+        table = replace(self.table, mesh=made)
         return replace(self, table=table, changes={k: v for k, v in self.changes.items() if k != "mesh.size"})
 
     def with_table(self, table: ProblemTable) -> OwnProblem:
@@ -363,11 +383,15 @@ class OwnProblem:
             validate=False,
         )
 
+    @property
+    def _about(self) -> list[XY]:
+        """Points about which all shapes lie."""
+        return [place for table in self.table.shapes.values() for place in table.places()]
+
     @cached_property
     def _origin(self) -> tuple[float, float] | None:
         """Where the shapes' coordinates are counted from while a mesh is made, if they lie far from the origin."""
-        places = [place for table in self.table.shapes.values() for place in table.places()]
-        return origin_for(np.array(places, dtype=float).reshape(-1, 2))
+        return origin_for(np.array(self._about, dtype=float).reshape(-1, 2))
 
     @cached_property
     def _outlines(self) -> Any:
@@ -380,41 +404,7 @@ class OwnProblem:
         return combine(shapes, {name: region.shape or "" for name, region in self.table.regions.items()})
 
     def _from_shapes(self) -> PolygonMesh:
-        from tmc_vem.mesh.make.grid import grid_mesh
-        from tmc_vem.mesh.make.triangles import triangle_mesh
-        from tmc_vem.mesh.make.voronoi import voronoi_mesh
-
-        table, origin = self.table.mesh, self._origin
-        points = {name: place if origin is None else near(place, origin) for name, place in self.table.points.items()}
-        if table.cells == GRID:
-            assert table.size is not None
-            mesh = grid_mesh(self._outlines, table.size, points)
-        elif table.cells == "voronoi":
-            mesh = voronoi_mesh(self._outlines, self._size(), points)
-        else:
-            quadrilaterals = table.cells == "quadrilaterals"
-            mesh = triangle_mesh(self._outlines, self._size(), points, quadrilaterals=quadrilaterals)
-        return mesh if origin is None else moved(mesh, origin)
-
-    def _size(self) -> float | Callable[[Float], Float]:
-        """The size of cells: a number, or a function of points (n, 2)."""
-        mesh = self.table.mesh
-        assert mesh.size is not None
-        if not mesh.refine:
-            return mesh.size
-        largest, origin = mesh.size, self._origin
-
-        def size(points: Float) -> Float:
-            h = np.full(len(points), largest)
-            for place in mesh.refine:
-                ends = np.asarray(place.near, dtype=float).reshape(-1, 2)
-                if origin is not None:
-                    ends = np.array([near(end, origin) for end in ends.tolist()])
-                away = np.maximum(_distance(points, ends[0], ends[-1]) - place.within, 0.0)
-                np.minimum(h, place.size + mesh.growth * away, out=h)
-            return h
-
-        return size
+        return mesh_of_shapes(self.table.mesh, self._outlines, self.table.points, self._origin)
 
 
 def find_edges(mesh: PolygonMesh, name: str, table: EdgesTable) -> Int:
@@ -437,7 +427,7 @@ def find_edges(mesh: PolygonMesh, name: str, table: EdgesTable) -> Int:
         a, b = (number[region] for region in table.between)
         chosen &= ((left == a) & (right == b)) | ((left == b) & (right == a))
     if table.line is not None:
-        distance = _distance(ends.reshape(-1, 2), np.asarray(table.line[0]), np.asarray(table.line[1]))
+        distance = distance_to_line(ends.reshape(-1, 2), np.asarray(table.line[0]), np.asarray(table.line[1]))
         chosen &= (distance.reshape(-1, 2) <= tolerance).all(axis=1)
     if table.circle is not None:
         x, y, radius = table.circle
@@ -449,15 +439,6 @@ def find_edges(mesh: PolygonMesh, name: str, table: EdgesTable) -> Int:
         raise InputError(f"edges: {name}: no edge of an outline or interface is there")
     found: Int = edges.vertices_ev[chosen]
     return found
-
-
-def _distance(points: Float, start: Float, end: Float) -> Float:
-    """Distance (n,) of points (n, 2) to a straight line between two points, which may coincide."""
-    arm, d = points - start, end - start
-    squared = float(d @ d)
-    t = np.clip(arm @ d / squared, 0.0, 1.0) if squared > 0.0 else np.zeros(len(points))
-    distance: Float = np.hypot(*(arm - t[:, None] * d).T)
-    return distance
 
 
 def _plain(value: Any) -> Any:

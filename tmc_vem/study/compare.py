@@ -10,6 +10,7 @@ from pathlib import Path
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems import Bodies, Box, CBox, Medium, Punch
 from tmc_vem.problems.base import Problem, forces_of, media_of
+from tmc_vem.problems.cell_size import is_field
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.report.comparison import QUANTITIES, Comparison, Method, comparison_page
 from tmc_vem.report.page import Picture, picture
@@ -137,7 +138,8 @@ def file_study(
 
     Args:
         problem: with a mesh from shapes.
-        sizes: of cells; those of places with smaller cells go with them.
+        sizes: of cells; those of places with smaller cells go with them. Where the size varies from place to place,
+            what it is multiplied with.
         settings: run options of both methods.
         order, steps, interior_penalty, extrapolate_gamma, gamma_decades: other than those of the settings; the
             interior penalty is that of finite elements.
@@ -168,7 +170,7 @@ def file_study(
     levels = []
     for size in sorted(sizes, reverse=True):
         problems = {"vem": problem.with_size(size), "fem": problem.with_size(size, voronoi="triangles")}
-        levels.append(Level(f"size {size:g}", size, problems))
+        levels.append(Level(f"{size:g} x size" if is_field(mesh.size) else f"size {size:g}", size, problems))
     return Study(f"{problem.name}: VEM and FEM", levels, options)
 
 

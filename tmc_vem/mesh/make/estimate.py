@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.mesh.cell_count import check_cells
-from tmc_vem.mesh.make.outline import Curve, Region, Size, evaluate_size
+from tmc_vem.mesh.make.outline import Curve, Point, Region, Size, evaluate_size
 
 Float = NDArray[np.float64]
 
@@ -21,11 +22,12 @@ _STATIONS = 401
 
 @dataclass(frozen=True)
 class Estimate:
-    """Number of cells to some percent, or a lower bound of it, and the smallest size that was found."""
+    """Number of cells to some percent, or a lower bound of it, and the smallest size that was found, with its place."""
 
     n_cells: float
     smallest: float
     at_least: bool = False
+    place: Point = (math.nan, math.nan)
 
 
 def check_size(regions: Sequence[Region], size: Size, density: float, limit: float) -> None:
@@ -42,11 +44,15 @@ def check_size(regions: Sequence[Region], size: Size, density: float, limit: flo
     """
     found = estimate(regions, size, density, limit)
     low, high = _bounds(regions)
-    what = f"size {found.smallest:.3g} on a domain of {high[0] - low[0]:.4g} x {high[1] - low[1]:.4g}"
+    domain = f"on a domain of {high[0] - low[0]:.4g} x {high[1] - low[1]:.4g}"
     if isinstance(size, (int, float)):
-        hint = f"cells of {what}; use a larger size"
+        hint = f"cells of size {found.smallest:.3g} {domain}; use a larger size"
     else:
-        hint = f"cells down to {what}; use larger sizes, or small cells in fewer and smaller places"
+        x, y = found.place
+        hint = (
+            f"cells down to size {found.smallest:.3g}, near ({x:.4g}, {y:.4g}), {domain}; use larger sizes, or small "
+            "cells in fewer and smaller places"
+        )
     check_cells(found.n_cells, limit, hint, at_least=found.at_least)
 
 
@@ -73,7 +79,7 @@ def estimate(regions: Sequence[Region], size: Size, density: float, limit: float
     centers = low + (corners + 0.5) * side
     quarters = np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]) / 4.0
     inside = np.zeros(len(centers), dtype=bool)  # boxes that the outline is known to be away from, and their quarters
-    total, smallest, capped = 0.0, np.inf, False
+    total, smallest, place, capped = 0.0, np.inf, centers[0], False
     while len(centers) and not capped:
         reach = 0.5 * float(np.hypot(*side))
         unknown = np.flatnonzero(~inside)
@@ -85,7 +91,8 @@ def estimate(regions: Sequence[Region], size: Size, density: float, limit: float
         centers, inside = centers[kept], inside[kept]
         capped = len(centers) > max(limit, _FIRST**2)
         h_c = evaluate_size(size, centers)
-        smallest = min(smallest, float(h_c.min(initial=np.inf)))
+        if len(h_c) and h_c.min() < smallest:
+            smallest, place = float(h_c.min()), centers[h_c.argmin()]
         cut = (STEEPEST * reach > 0.5 * h_c) & (not capped)
         counted = ~cut
         counted[~inside] &= shapely.contains_xy(domain, centers[~inside])
@@ -93,7 +100,8 @@ def estimate(regions: Sequence[Region], size: Size, density: float, limit: float
             total += float((side.prod() / h_c[counted] / h_c[counted]).sum())
         centers, inside = (centers[cut][:, None] + quarters * side).reshape(-1, 2), inside[cut].repeat(4)
         side = side / 2.0
-    return Estimate(max(density * total, along), smallest, capped)
+    x, y = place.tolist()
+    return Estimate(max(density * total, along), smallest, capped, (x, y))
 
 
 def _along(curve: Curve, size: Size) -> float:

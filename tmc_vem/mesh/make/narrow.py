@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 from tmc_vem.mesh.make.outline import COINCIDE, Region, Size, Skeleton, evaluate_size
 
 Float = NDArray[np.float64]
+Int = NDArray[np.int64]
 
 # Two outlines face each other if the way between them is across both, up to this cosine.
 ACROSS = 0.3
+# A corner faces what lies in a direction that is along none of its sides, up to this cosine. An outline that turns by
+# less than this angle is smooth, and the nearest place on it is where the way is across up to this cosine.
+BESIDE, SMOOTH, NEAREST = 0.8, np.radians(20.0), 0.15
 CELLS_ACROSS = 2.0
 PAIRS_AT_ONCE = 1 << 20
 
@@ -33,7 +37,7 @@ def narrow_place(regions: Sequence[Region], skeleton: Skeleton, size: Size) -> s
         return None
     middle = 0.5 * (nodes[n] + foot[n])
     return (
-        f"the interface near ({middle[0]:.4g}, {middle[1]:.4g}) is not resolved: {_region_at(regions, middle)} is "
+        f"the interface near ({middle[0]:.4g}, {middle[1]:.4g}) is not resolved: {region_at(regions, middle)} is "
         f"{width[n]:.3g} wide there, too narrow for cells of size {h[n]:.3g}; two must fit across, so use a size of "
         f"{width[n] / CELLS_ACROSS:.3g} or less there (refine), or make it wider"
     )
@@ -78,7 +82,60 @@ def widths(skeleton: Skeleton, cosine: float = ACROSS, *, both: bool = True) -> 
     return width, foot
 
 
-def _region_at(regions: Sequence[Region], point: Float) -> str:
+def facing(skeleton: Skeleton, reach_n: Float) -> tuple[Int, Float, Float]:
+    """Nodes (n_pairs,) that an outline faces within a reach, how far it is away (n_pairs,), and where (n_pairs, 2).
+
+    The way between them is across both outlines, where they are smooth; at a corner it is along no side of it.
+
+    Args:
+        skeleton: nodes along outlines, close enough that a smooth outline turns by little from segment to segment.
+        reach_n: (n_nodes,) distance within which outlines count.
+    """
+    import shapely
+
+    nodes, segments = skeleton.nodes_nx, skeleton.segments_sn
+    arms_nkx, cosine_n = _arms(skeleton)
+    tree = shapely.STRtree(shapely.linestrings(nodes[segments]))
+    pairs = tree.query(shapely.points(nodes), predicate="dwithin", distance=reach_n)
+    n, s = pairs[:, np.lexsort(pairs[::-1])]
+    start, arm = nodes[segments[s, 0]], nodes[segments[s, 1]] - nodes[segments[s, 0]]
+    t = np.clip(((nodes[n] - start) * arm).sum(axis=1) / (arm * arm).sum(axis=1), 0.0, 1.0)
+    way = start + t[:, None] * arm - nodes[n]
+    distance = np.hypot(*way.T)
+    apart = distance > COINCIDE * float(np.ptp(nodes, axis=0).max())
+    n, s, t, way, distance = n[apart], s[apart], t[apart], way[apart], distance[apart]
+    across = _along(way, arms_nkx[n]) <= cosine_n[n] * distance
+    for side in (0, 1):  # the ends of the other segment
+        there = segments[s, side]
+        at_most = np.where(cosine_n[there] == BESIDE, BESIDE, NEAREST)
+        across &= (t != float(side)) | (_along(-way, arms_nkx[there]) <= at_most * distance)
+    return n[across], distance[across], nodes[n[across]] + way[across]
+
+
+def _arms(skeleton: Skeleton) -> tuple[Float, Float]:
+    """Unit vectors (n_nodes, n_arms, 2) along the segments from every node, 0 for those that it does not have, and the
+    largest cosine (n_nodes,) between a way across and one of them."""
+    nodes, segments = skeleton.nodes_nx, skeleton.segments_sn
+    here, there = segments.ravel(), segments[:, ::-1].ravel()
+    order = np.argsort(here, kind="stable")
+    here, there = here[order], there[order]
+    count = np.bincount(here, minlength=len(nodes))
+    which = np.arange(len(here)) - np.repeat(np.cumsum(count) - count, count)
+    arms = np.zeros((len(nodes), int(count.max()), 2))
+    way = nodes[there] - nodes[here]
+    arms[here, which] = way / np.hypot(*way.T)[:, None]
+    smooth = (count == 2) & ((arms[:, :2].prod(axis=1)).sum(axis=1) < -np.cos(SMOOTH))
+    return arms, np.where(smooth, ACROSS, BESIDE)
+
+
+def _along(way: Float, arms: Float) -> Float:
+    """Largest component (n,) of ways (n, 2) along one of some directions (n, n_arms, 2)."""
+    largest: Float = np.einsum("nx,nkx->nk", way, arms).max(axis=1)
+    return largest
+
+
+def region_at(regions: Sequence[Region], point: Float) -> str:
+    """What is at a point, in words: a region, or the gap between regions."""
     import shapely
 
     for region in regions:

@@ -17,13 +17,15 @@ from tmc_vem.support.errors import InputError
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Point = tuple[float, float]
-Size = float | Callable[[Float], Float]
+Field = Callable[[Float], Float]
+Size = float | Field
 
 # Ends of curves closer than this fraction of the domain are one point.
 COINCIDE = 1e-9
 # Named points may be this far off their outline, as a fraction of the domain: coordinates are rounded.
 ROUNDED = 1e-6
-_TABLE = 401  # places where the size field is read along a curve
+_TABLE = 401  # places where the size field is read along a curve, at least
+_MOST_STATIONS = 1_000_000  # and beyond which no more are added
 
 
 @dataclass(frozen=True)
@@ -206,13 +208,16 @@ def evaluate_size(size: Size, points: Float) -> Float:
     return h
 
 
-def make_skeleton(regions: Sequence[Region], size: Size, points: Mapping[str, Point] | None = None) -> Skeleton:
+def make_skeleton(
+    regions: Sequence[Region], size: Size, points: Mapping[str, Point] | None = None, *, turn: float = 360.0
+) -> Skeleton:
     """Nodes along the outlines; where regions share a curve, or a part of one, they share its nodes.
 
     Args:
         regions: which may touch, but not overlap.
         size: length of the segments, a number or a function of points (n, 2).
         points: names for places on the outlines; a node is put at each.
+        turn: largest angle of an arc from node to node, in degrees.
 
     Raises:
         InputError: a named point is on no outline, or the size is not positive.
@@ -250,7 +255,10 @@ def make_skeleton(regions: Sequence[Region], size: Size, points: Mapping[str, Po
     n_nodes = len(corners.points)
     for piece in pieces.values():
         a, b = corners.number(piece.start), corners.number(piece.end)
-        inner = _spaced(piece, size, at_least=3 if {a, b} & at_arc else 2)
+        at_least = 3 if {a, b} & at_arc else 2
+        if isinstance(piece, Arc):
+            at_least = max(at_least, math.ceil(abs(piece.last - piece.first) / turn))
+        inner = _spaced(piece, size, at_least)
         chain = np.array([a, *range(n_nodes, n_nodes + len(inner)), b])
         nodes.append(inner)
         n_nodes += len(inner)
@@ -288,9 +296,23 @@ def _split(curve: Curve, corners: _Corners, tolerance: float) -> list[Curve]:
 
 def _spaced(curve: Curve, size: Size, at_least: int) -> Float:
     """Nodes (n, 2) inside a curve whose distances follow the size field."""
-    t = np.linspace(0.0, 1.0, _TABLE)
-    h = evaluate_size(size, curve.at(t))
+    t, h = sizes_along(curve, size)
     count = np.concatenate([[0.0], np.cumsum(0.5 * (1.0 / h[1:] + 1.0 / h[:-1]) * np.diff(t) * curve.length)])
     n = max(at_least, round(count[-1]))
     inner = np.interp(np.arange(1, n) / n * count[-1], count, t)
     return curve.at(inner)
+
+
+def sizes_along(curve: Curve, size: Size) -> tuple[Float, Float]:
+    """Parameters (n,) of stations along a curve, and the sizes there: where a size varies, no two are farther from each
+    other than the smaller size, so that a place with small cells between them shows."""
+    t = np.linspace(0.0, 1.0, _TABLE)
+    h = evaluate_size(size, curve.at(t))
+    while callable(size) and len(t) < _MOST_STATIONS:
+        wide = np.flatnonzero(np.diff(t) * curve.length > np.minimum(h[1:], h[:-1]))
+        if not len(wide):
+            break
+        between = 0.5 * (t[wide] + t[wide + 1])
+        h = np.insert(h, wide + 1, evaluate_size(size, curve.at(between)))
+        t = np.insert(t, wide + 1, between)
+    return t, h

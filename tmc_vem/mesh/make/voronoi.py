@@ -47,8 +47,16 @@ SPARSE = 0.95
 COINCIDE = 1e-6
 
 
-class _UnresolvedError(InputError):
-    """The cells do not fit into a place: it is narrow, or their size changes quickly there."""
+class UnresolvedError(InputError):
+    """The cells do not fit into a place: it is narrow, or their size changes quickly there.
+
+    Attributes:
+        place: where.
+    """
+
+    def __init__(self, message: str, place: Sequence[float] | Float = (np.nan, np.nan)) -> None:
+        super().__init__(message)
+        self.place = place
 
 
 @meshed_near_origin
@@ -77,8 +85,9 @@ def voronoi_mesh(
         The mesh, with the regions' names in the order of their first use.
 
     Raises:
-        InputError: a parameter is out of range, there would be too many cells, the size is too large for a narrow place
-            or an acute corner (the message says where), regions overlap or a named point is on no outline.
+        UnresolvedError: the size is too large for a narrow place, or changes too quickly; the message says where.
+        InputError: a parameter is out of range, there would be too many cells, a corner is too acute, regions overlap
+            or a named point is on no outline.
     """
     if not 0.0 <= shortest <= 0.4:
         raise InputError(f"shortest = {shortest:g}: use a fraction of the local size from 0 to 0.4")
@@ -89,8 +98,8 @@ def voronoi_mesh(
     skeleton = make_skeleton(regions, size, points)
     try:
         return _meshed(regions, size, skeleton, relaxation, shortest, seed)
-    except _UnresolvedError as error:
-        raise InputError(narrow_place(regions, skeleton, size) or str(error)) from None
+    except UnresolvedError as error:
+        raise UnresolvedError(narrow_place(regions, skeleton, size) or str(error), error.place) from None
 
 
 def _meshed(
@@ -113,7 +122,8 @@ def interface_sites(skeleton: Skeleton) -> tuple[Float, Float]:
     """Sites (n, 2) along all interfaces, on both sides of each, and the radius (n_nodes,) of every node's circle.
 
     Raises:
-        InputError: circles of neighbouring nodes do not meet, because the size changes too quickly.
+        UnresolvedError: circles of neighbouring nodes do not meet, because the size changes too quickly.
+        InputError: a corner is too acute.
     """
     nodes, segments = skeleton.nodes_nx, skeleton.segments_sn
     a, b = segments.T
@@ -127,9 +137,9 @@ def interface_sites(skeleton: Skeleton) -> tuple[Float, Float]:
     squared = radius_n[a] ** 2 - along**2
     bad = np.flatnonzero(squared <= (0.05 * length_s) ** 2)
     if len(bad):
-        x, y = nodes[segments[bad[0]]].mean(axis=0)
-        raise _UnresolvedError(
-            f"the size of cells changes too quickly near ({x:.4g}, {y:.4g}): make it vary more slowly"
+        x, y = place = nodes[segments[bad[0]]].mean(axis=0)
+        raise UnresolvedError(
+            f"the size of cells changes too quickly near ({x:.4g}, {y:.4g}): make it vary more slowly", place
         )
     tangent = (nodes[b] - nodes[a]) / length_s[:, None]
     foot = nodes[a] + along[:, None] * tangent
@@ -362,8 +372,8 @@ def _cells(sites: Float, kept: NDArray[np.bool_]) -> tuple[Float, Int, Int]:
     use = kept[cell]
     cell, vertex = cell[use], vertex[use]
     if (vertex < 0).any():
-        x, y = sites[cell[np.argmin(vertex)]]
-        raise _UnresolvedError(f"the cell at ({x:.4g}, {y:.4g}) is not closed: use a smaller size of cells")
+        x, y = place = sites[cell[np.argmin(vertex)]]
+        raise UnresolvedError(f"the cell at ({x:.4g}, {y:.4g}) is not closed: use a smaller size of cells", place)
     key = np.unique(cell * np.int64(len(diagram.vertices)) + vertex)
     cell, vertex = key // len(diagram.vertices), key % len(diagram.vertices)
     arm = diagram.vertices[vertex] - sites[cell]
@@ -410,8 +420,8 @@ def _collapse(
     if len(first) != n_nodes:
         lost = np.setdiff1d(np.arange(n_nodes), first)[0]
         x, y = nodes[lost]
-        raise _UnresolvedError(
-            f"the interface near ({x:.4g}, {y:.4g}) is not resolved: use a smaller size of cells there"
+        raise UnresolvedError(
+            f"the interface near ({x:.4g}, {y:.4g}) is not resolved: use a smaller size of cells there", nodes[lost]
         )
     final[component[:n_nodes]] = np.arange(n_nodes)
     rest = np.flatnonzero((final < 0) & (owner >= 0))
@@ -453,11 +463,12 @@ def _assemble(
     return mesh
 
 
-def _unresolved(skeleton: Skeleton, segments: Int) -> _UnresolvedError:
-    x, y = skeleton.nodes_nx[skeleton.segments_sn[segments[0]]].mean(axis=0)
-    return _UnresolvedError(
+def _unresolved(skeleton: Skeleton, segments: Int) -> UnresolvedError:
+    x, y = place = skeleton.nodes_nx[skeleton.segments_sn[segments[0]]].mean(axis=0)
+    return UnresolvedError(
         f"the interface near ({x:.4g}, {y:.4g}) is not resolved ({len(segments)} such places): two outlines are "
-        "closer than the size of cells there, or it changes too quickly; use a smaller size"
+        "closer than the size of cells there, or it changes too quickly; use a smaller size",
+        place,
     )
 
 
