@@ -25,6 +25,7 @@ LONG = (
     "tests/unit/test_codegen_compilers.py",
     "tests/unit/test_unfinished.py",
     "tests/unit/test_batch.py",
+    "tests/unit/test_adapt_resume.py",
     "tests/fem/test_fem_taylor.py",
     "tests/fem/test_fem_mpi.py",
     "tests/fem/test_fem_plain_library.py",

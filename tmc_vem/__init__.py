@@ -12,12 +12,13 @@ from tmc_vem.support.lazy import lazily
 from tmc_vem.support.version import VERSION as __version__
 
 if TYPE_CHECKING:
+    from tmc_vem.adapt.run import run
     from tmc_vem.design.session import optimise
     from tmc_vem.problems import Box, Material, Medium
     from tmc_vem.results.run_result import RunResult
     from tmc_vem.simulation.checkup import Checkup, check
     from tmc_vem.simulation.options import RunOptions
-    from tmc_vem.simulation.simulation import Simulation, prepare, run
+    from tmc_vem.simulation.simulation import Simulation, prepare
 
 _MODULES = {
     "Box": "problems",
@@ -30,7 +31,7 @@ _MODULES = {
     "check": "simulation.checkup",
     "optimise": "design.session",
     "prepare": "simulation.simulation",
-    "run": "simulation.simulation",
+    "run": "adapt.run",
 }
 
 __all__ = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pages import (
+    adapt,
     contact,
     fem,
     friction,
@@ -22,5 +23,5 @@ from pages.block import AnyBlock
 BLOCKS: tuple[AnyBlock, ...] = (
     *paper.BLOCKS, *guide.BLOCKS, *fem.BLOCKS, *projection.BLOCKS, *contact.BLOCKS, *penalty.BLOCKS,
     *friction.BLOCKS, *solver.BLOCKS, *media.BLOCKS, *materials.BLOCKS, *loads.BLOCKS, *verification.BLOCKS,
-    *limit.BLOCKS,
+    *limit.BLOCKS, *adapt.BLOCKS,
 )  # fmt: skip

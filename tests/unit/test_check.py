@@ -237,7 +237,7 @@ def test_a_single_cell_across_is_a_caution_with_its_remedy(tmp_path: Path) -> No
     assert caution == (
         f"region 'medium' has a single cell across the gap of 0.2 between {gap.solids[0]} and {gap.solids[1]} at "
         f"({x:.4g}, {y:.4g}): use cells of size 0.1 or less there, refine = [{{ near = [{x:.4g}, {y:.4g}], "
-        "size = 0.1 }]"
+        "size = 0.1 }], or fit = true"
     )
     near = dataclasses.replace(problem, table=dataclasses.replace(
         problem.table, load=dataclasses.replace(problem.table.load, uy=-0.19)))  # fmt: skip

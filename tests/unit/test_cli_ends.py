@@ -48,9 +48,7 @@ def ended(monkeypatch: pytest.MonkeyPatch, result: RunResult, **options: Any) ->
     """What a command says whose run has this result, and how the run was asked for."""
     asked: list[Any] = []
     monkeypatch.setattr(execute, "start", lambda words: None)
-    monkeypatch.setattr(
-        "tmc_vem.simulation.simulation.run", lambda *given, **named: asked.append((given, named)) or result
-    )
+    monkeypatch.setattr("tmc_vem.adapt.run.run", lambda *given, **named: asked.append((given, named)) or result)
 
     @click.command("box")
     @click.pass_context

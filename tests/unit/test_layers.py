@@ -32,6 +32,7 @@ LAYERS = (
     "tmc_vem.report",
     "tmc_vem.simulation",
     "tmc_vem.sensitivity",
+    "tmc_vem.adapt",
     "tmc_vem.design",
     "tmc_vem.study",
     "tmc_vem.cli",

@@ -20,6 +20,7 @@ from tmc_vem.mesh.geometry import areas
 from tmc_vem.problems import Bodies, CBox, Material, Problem, Punch
 from tmc_vem.problems.base import medium_region
 from tmc_vem.simulation import discretise, run_inputs
+from tmc_vem.simulation.adapt_settings import AdaptSettings
 from tmc_vem.simulation.problem_file import read_problem
 from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.fem_settings import FemSettings
@@ -49,6 +50,13 @@ METHOD = [
     (("--extrapolate-gamma",), "settings.extrapolate_gamma", True),
     (("--extrapolate-gamma", "path"), "settings.extrapolate_gamma", "path"),
     (("--gamma-decades", "3"), "settings.gamma_decades", 3),
+    (("--adapt", "gap, reaction"), "settings.adapt.of", "gap, reaction"),
+    (("--adapt-tolerance", "0.5%", "--adapt", "gap"), "settings.adapt.tolerance", "0.5%"),
+    (("--adapt-rounds", "3", "--adapt", "gap"), "settings.adapt.rounds", 3),
+    (("--adapt-at", "0.5", "--adapt-at", "1", "--adapt", "gap"), "settings.adapt.at", (0.5, 1.0)),
+    (("--adapt-estimator", "recovery", "--adapt", "gap"), "settings.adapt.estimator", "recovery"),
+    (("--adapt-meshes", "anew", "--adapt", "gap"), "settings.adapt.meshes", "anew"),
+    (("--adapt-cells", "1000", "--adapt", "gap"), "settings.adapt.cells", 1000),
     (("--friction-error", "0.02"), "settings.friction_error", 0.02),
     (("--allow-overlap",), "settings.allow_overlap", True),
     (("--max-iterations", "9"), "settings.max_iterations", 9),
@@ -384,6 +392,7 @@ IN_MEMORY: dict[str, tuple[Any, Mapping[str, Any], Any]] = {
     "gamma_decades": (3, {"extrapolate_gamma": True}, lambda r: r.limit is not None and len(r.limit.gammas) == 4),
     "allow_overlap": (True, {}, lambda r: r.inputs["allow_overlap"]),
     "element": (ElementSettings(order=3), {}, lambda r: r.n_dofs > 1200),
+    "adapt": (AdaptSettings("gap", "20%"), {}, lambda r: r.adaptivity is not None and r.adaptivity.of == ("gap",)),
     "method": ("fem", {}, lambda r: r.projection_degrees == {}),
 }
 NOT_HERE = (

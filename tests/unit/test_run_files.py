@@ -200,8 +200,9 @@ def test_a_start_takes_away_what_a_run_has_left_and_nothing_else(tmp_path: Path)
     path = tmp_path / "run"
     own = ("result.json", "history.csv", "fields.pvd", "triangulated.pvd", "deformed.png", "command.json", "run.json",
            "checkpoint.npz", "checkpoint-before.npz", "checkpoint-part-000001-1.npz", ".unfinished-history-x.csv",
-           "fields/step_00001.vtu")  # fmt: skip
-    (path / "fields").mkdir(parents=True)
+           "fields/step_00001.vtu", "adapted.png", "adapt.pvd", "mesh.vtu", "adapt/round-00.vtu")  # fmt: skip
+    for folder in ("fields", "adapt"):
+        (path / folder).mkdir(parents=True)
     for name in (*own, "notes.txt"):
         (path / name).write_text("")
     with pytest.raises(InputError, match="has a run in it: choose another, or say --overwrite"):

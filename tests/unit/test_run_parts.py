@@ -132,6 +132,7 @@ def test_the_result_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
         _snapshots=SimpleNamespace(directory=Path("a"), write=lambda *given: said.append(given)),
         _between_the_points=lambda u: {"inverted_cells": {"m": 2}, "dense_min_j": {"m": -1.0}},
         _units=lambda record: {"of": record.step}, lowered=Lowered(failed_iterations=100), descending=None,
+        adaptivity=None,
         contact=SimpleNamespace(curves=lambda *given: said.append(("curves", *given))),
     )  # fmt: skip
     outcome = SteppingResult(0.5, False, "why", 7, 11, None, 13, "PORD")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import signal
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from tmc_vem.simulation import checkpoint as checkpoints
 from tmc_vem.simulation import simulation
 from tmc_vem.simulation.balance import balance
 from tmc_vem.simulation.checkpoint import Checkpoint, require_same_inputs
-from tmc_vem.simulation.interrupt import Interrupted, StopRequest, stop_requests
+from tmc_vem.simulation.interrupt import Interrupted, StopRequest, stop_requests, stopping_at_once
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.plan import control_path, order_of, run_inputs, snapshot_times
 from tmc_vem.simulation.problem_file import _line
@@ -165,8 +166,8 @@ def test_the_path_of_a_run() -> None:
     }, prescribed=list)  # fmt: skip
     with pytest.raises(InputError, match="continuation in gamma needs one value of it in the medium, got 2"):
         control_path(two, RunOptions(continuation={"gamma": 1e-3}))
-    assert simulation._gamma(two) == {}
-    assert simulation._gamma(BOX) == {"gamma": 1e-5}
+    assert simulation.gamma_of(two) == {}
+    assert simulation.gamma_of(BOX) == {"gamma": 1e-5}
 
 
 def test_where_fields_are_written() -> None:
@@ -218,6 +219,8 @@ def test_a_signal_stops_all_ranks_together() -> None:
     error = Interrupted(signal.SIGTERM, "resume")
     assert (str(error), error.exit_code, error.number) == ("stopped by SIGTERM; resume", 143, 15)
     assert str(Interrupted(2)) == "stopped by SIGINT"
+    travelled = pickle.loads(pickle.dumps(error))  # to other ranks
+    assert (str(travelled), travelled.exit_code, travelled.number) == (str(error), 143, 15)
     request = StopRequest(Ranks(0, other=0))  # type: ignore[arg-type]
     request.check()
     request._remember(15, None)
@@ -231,6 +234,14 @@ def test_a_signal_stops_all_ranks_together() -> None:
     with stop_requests(MPI.COMM_SELF) as stop:
         assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == [stop._remember] * 2
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_a_single_rank_at_once(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    with pytest.raises(Interrupted, match=f"stopped by {number.name}"), stopping_at_once():
+        signal.raise_signal(number)
+    assert signal.getsignal(number) is before
 
 
 # -- checkpoints -----------------------------------------------------------------------------------------------------

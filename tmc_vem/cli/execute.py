@@ -31,11 +31,11 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
     start_petsc(options["petsc"], clean_stdout=options["as_json"])
     from mpi4py import MPI
 
+    from tmc_vem.adapt.run import run
     from tmc_vem.cli.progress import ConsoleMonitor, print_summary
     from tmc_vem.report.tables import stopped
     from tmc_vem.results.unfinished import how_to_go_on
     from tmc_vem.simulation.monitor import Monitor
-    from tmc_vem.simulation.simulation import run
     from tmc_vem.support.errors import ConvergenceError
 
     silent = options["quiet"] or options["as_json"]

@@ -22,8 +22,10 @@ if TYPE_CHECKING:
 WIDEST = 24
 # columns that a narrow terminal keeps, and the order in which others are kept; one that is not named comes last
 RESULTS = ("load", "gap", "reaction", "doubts")
+ERROR = "estimated error"  # of what meshes were adapted to
 IMPORTANT = (
-    *RESULTS, "problem", "method", "cells", "gamma", "alpha_r", "regulariser", "uy", "iterations", "time (s)", "dofs",
+    *RESULTS, ERROR, "problem", "method", "cells", "gamma", "alpha_r", "regulariser", "uy", "iterations", "time (s)",
+    "dofs",
 )  # fmt: skip
 
 
@@ -45,6 +47,7 @@ def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
     from rich.table import Table
 
     from tmc_vem.cli.columns import WHOLE, plain, show_table
+    from tmc_vem.report.adapted_tables import errors_in_few_words
     from tmc_vem.report.overview import find_designs, find_runs
     from tmc_vem.report.tables import count, differing, number, reached, runs_csv
 
@@ -73,10 +76,12 @@ def list_runs(directory: Path, as_json: bool, as_csv: bool) -> None:
     columns = [Column(name, [row[n] for row in values.values()]) for n, name in enumerate(differ)]
     columns = [c for c in columns if "–" not in c.cells and max(map(len, c.cells)) <= WIDEST]
     doubts = [_doubts(run) for run in runs.values()]
+    errors = [errors_in_few_words(run) for run in runs.values()]
     columns += [
         Column("load", [reached(run) for run in runs.values()]),
         Column("gap", [number(run.gap, 5) for run in runs.values()]),
         Column("reaction", [number(run.reaction, 5) for run in runs.values()]),
+        *([Column(ERROR, errors)] if any(errors) else []),
         *([Column("doubts", doubts)] if any(doubts) else []),
         Column("dofs", [count(run.n_dofs) for run in runs.values()]),
         Column("iterations", [str(run.newton_iterations) for run in runs.values()]),

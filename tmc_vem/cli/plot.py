@@ -82,33 +82,49 @@ def plot(
 
 @click.command("animate")
 @RUN
-@click.option("--out", type=click.Path(path_type=Path), help="File to write (.gif). Default: deformed.gif in the run.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="File to write (.gif). Default: deformed.gif in the run; with --meshes adapted.gif.",
+)
 @click.option(
     "--quantity",
     type=click.Choice(["uy", "ux", "J", "energy"]),
-    default="uy",
-    show_default=True,
-    help="What colours the states.",
+    help="What colours the states. Default: uy.",
 )
-@click.option("--seconds", type=click.FloatRange(0.01, 10.0), default=0.25, show_default=True, help="For each state.")
-def animate(run_dir: Path, out: Path | None, quantity: str, seconds: float) -> None:
-    """Animate the deformed states that a run has written; more of them with run --snapshots. Example:
+@click.option(
+    "--meshes", is_flag=True, help="The meshes that the run was adapted on, round by round, in place of states."
+)
+@click.option(
+    "--seconds",
+    type=click.FloatRange(0.01, 10.0),
+    help="For each state. Default: 0.25; with --meshes 1, for each mesh.",
+)
+def animate(run_dir: Path, out: Path | None, quantity: str | None, meshes: bool, seconds: float | None) -> None:
+    """Animate the deformed states that a run has written; more of them with run --snapshots. Examples:
 
     \b
       tmc-vem animate runs/box --out box.gif
+      tmc-vem animate runs/box --meshes          of a run with --adapt: a picture a round
     """
     from tmc_vem.report.animation import animate as write_animation
-    from tmc_vem.report.animation import states_of
+    from tmc_vem.report.animation import animate_meshes, meshes_of, states_of
     from tmc_vem.results.run_result import RunResult
 
-    target = out or run_dir / "deformed.gif"
+    target = out or run_dir / ("adapted.gif" if meshes else "deformed.gif")
     if target.suffix != ".gif":
         raise InputError(f"{target}: animations are written as .gif")
-    states = states_of(RunResult.read(run_dir))
+    if meshes and quantity is not None:
+        raise InputError("--meshes shows regions, and no use is made of --quantity: leave one out")
+    result = RunResult.read(run_dir)
+    states = meshes_of(result) if meshes else states_of(result)
     if not states:
         raise InputError(f"{run_dir} has no fields yet")
     try:
-        write_animation(states, target, quantity=quantity, seconds_each=seconds)
+        if meshes:
+            animate_meshes(states, target, seconds_each=seconds or 1.0)
+        else:
+            write_animation(states, target, quantity=quantity or "uy", seconds_each=seconds or 0.25)
     except OSError as error:
         raise InputError(f"{target} cannot be written: {error.strerror or error}") from None
     click.echo(str(target))

@@ -15,6 +15,7 @@ from tmc_vem.problems.base import Problem
 from tmc_vem.problems.probes import GAP
 from tmc_vem.problems.solids import conversions
 from tmc_vem.report.tables import reached
+from tmc_vem.results.adaptivity import Round, error_in_words
 from tmc_vem.results.records import StepRecord
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation.monitor import Monitor
@@ -34,11 +35,14 @@ class ConsoleMonitor(Monitor):
         self._last = ""
         self._shown = self._reached = 0.0
         self._spoke = time.monotonic()
+        self._said: set[str] = set()
         self._lowered = 0.0  # gamma that was said last
         self._below: int | None = None  # the step that it was lowered from
 
     def started(self, problem: Problem, n_cells: int, n_dofs: int) -> None:
-        """Print what is solved and show the bar."""
+        """Print what is solved and show the bar; that of a run before on another mesh is gone."""
+        self.aborted()
+        self._last, self._shown, self._reached, self._lowered, self._below = "", 0.0, 0.0, 0.0, None
         size = f": {n_cells} cells, {n_dofs} degrees of freedom"
         self.console.print(Text.assemble(plain(problem.name, "bold"), size), highlight=False, soft_wrap=True)
         if self.console.is_terminal:
@@ -52,7 +56,9 @@ class ConsoleMonitor(Monitor):
 
     def warned(self, sentences: Sequence[str]) -> None:
         """Print what is said before solving."""
-        for sentence in sentences:
+        new = [sentence for sentence in sentences if sentence not in self._said]
+        self._said.update(new)
+        for sentence in new:
             self.console.print(Text.assemble(("warning", "yellow"), f": {sentence}"), highlight=False)
 
     def iterated(self, iteration: int, residual: float) -> None:
@@ -87,10 +93,20 @@ class ConsoleMonitor(Monitor):
             text = f"load {record.load:.3f} with {at}, {gap}{record.iterations} iterations"
             self.console.print(text, highlight=False)
 
+    def adapted(self, round_: Round, of: Sequence[str]) -> None:
+        """Say what a round has come to."""
+        self.aborted()
+        errors = ", ".join(f"{name} {round_.values[name]:.6g} {error_in_words(round_, name)}" for name in of)
+        cells = f"{round_.n_cells} cells, {round_.n_dofs} degrees of freedom"
+        cut = f", {round_.refined} cells are cut" if round_.refined else ""
+        text = f"round {round_.number}, load {round_.load:.4g}: {cells}, {errors}{cut}"
+        self.console.print(text, highlight=False, soft_wrap=True)
+
     def aborted(self) -> None:
         """Remove the bar."""
         if self._progress:
             self._progress.stop()
+            self._progress = None
 
     def finished(self, result: RunResult) -> None:
         """Remove the bar."""
@@ -129,6 +145,7 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
         if last.negative_pivots:
             rows.append(("unstable", f"{last.negative_pivots} negative pivots"))
     rows += limit_rows(result)
+    rows += adaptivity_rows(result)
     rows += conversions(result.inputs)
     if "alpha" in medium:
         made = f"alpha_r = {medium['alpha_r']:g} (alpha = {medium['alpha']:g}, h = {medium['h']:g})"
@@ -167,6 +184,18 @@ def summary_rows(result: RunResult) -> list[tuple[str, str]]:
         rows.append(("written to", str(result.directory)))
     rows += [("ERROR", text) for text in result.errors]
     return rows + [("warning", text) for text in result.warnings]
+
+
+def adaptivity_rows(result: RunResult) -> list[tuple[str, str]]:
+    """Estimated errors of the results that the mesh was adapted to, and how it went."""
+    adaptivity = result.adaptivity
+    if adaptivity is None:
+        return []
+    last = adaptivity.last
+    rows = [(f"estimated error, {name}", error_in_words(last, name)) for name in adaptivity.of]
+    n, first = len(adaptivity.rounds), adaptivity.rounds[0]
+    cells = f"{last.n_cells} cells" if n == 1 else f"{first.n_cells} to {last.n_cells} cells"
+    return [*rows, ("mesh", f"adapted in {n} round{'s' if n > 1 else ''}, {cells}: {adaptivity.reason}")]
 
 
 def limit_rows(result: RunResult) -> list[tuple[str, str]]:

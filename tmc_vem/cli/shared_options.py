@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import click
 
 from tmc_vem.cli.field_options import Decorator, setting, with_options
 from tmc_vem.problems.materials import Medium
+from tmc_vem.simulation.adapt_settings import AdaptSettings
 from tmc_vem.simulation.options import PATH, RunOptions
 from tmc_vem.support.errors import InputError
 from tmc_vem.system.fem_settings import FemSettings
@@ -136,9 +138,48 @@ def load_options(path: str | None, *, optional: bool = False) -> list[click.Opti
         setting(RunOptions, "continuation", multiple=True, metavar="NAME=VALUE", after=start),
         setting(RunOptions, "follow", optional=optional),
         *limit_options(),
+        *adapt_options(),
         setting(RunOptions, "friction_error", optional=optional),
         setting(RunOptions, "allow_overlap", optional=optional),
     ]  # fmt: skip
+
+
+def adapt_options() -> list[click.Option]:
+    """Options of meshes that are adapted; None or empty unless they are given."""
+    return [
+        setting(AdaptSettings, "of", "--adapt", "adapt_of", optional=True, metavar="NAMES"),
+        setting(
+            AdaptSettings, "tolerance", "--adapt-tolerance", "adapt_tolerance", optional=True, type=str, metavar="PART"
+        ),
+        setting(AdaptSettings, "rounds", "--adapt-rounds", "adapt_rounds", optional=True),
+        setting(
+            AdaptSettings, "at", "--adapt-at", "adapt_at", type=float, multiple=True, default=(), show_default=False,
+            metavar="LOAD",
+        ),
+        setting(AdaptSettings, "estimator", "--adapt-estimator", "adapt_estimator", optional=True),
+        setting(AdaptSettings, "meshes", "--adapt-meshes", "adapt_meshes", optional=True),
+        setting(AdaptSettings, "cells", "--adapt-cells", "adapt_cells", optional=True),
+    ]  # fmt: skip
+
+
+ADAPT = "adapt_"  # what the names of these options begin with
+
+
+def chosen_adapt(settings: AdaptSettings, options: Mapping[str, Any]) -> AdaptSettings:
+    """Settings with those of :func:`adapt_options` that were given in their place.
+
+    Raises:
+        InputError: a value is out of range, or nothing says what the mesh is adapted to.
+    """
+    given = {
+        name.removeprefix(ADAPT): value for name, value in options.items()
+        if name.startswith(ADAPT) and value is not None and value is not False and value != ()
+    }  # fmt: skip
+    chosen = dataclasses.replace(settings, **given)
+    if given and not chosen.names:
+        first = next(iter(given))
+        raise InputError(f"--adapt-{first} goes with --adapt NAMES, which say what the mesh is adapted to")
+    return chosen
 
 
 def limit_options() -> list[click.Option]:
@@ -209,6 +250,7 @@ def with_given(settings: RunOptions, options: dict[str, Any]) -> RunOptions:
     element = {name: given[name] for name in names if name in given}
     if element:
         chosen[where] = dataclasses.replace(getattr(settings, where), **element)
+    chosen["adapt"] = chosen_adapt(settings.adapt, options)
     return dataclasses.replace(settings, overwrite=options["overwrite"], **chosen)
 
 
@@ -227,6 +269,7 @@ def chosen_options(options: dict[str, Any]) -> RunOptions:
         **{name: options[name] for name in same},
         **chosen_limit(options),
         **method_settings(options),
+        adapt=chosen_adapt(AdaptSettings(), options),
         path=parse_path(options["path"]),
         continuation=parse_parameters(options["continuation"], "--continuation"),
     )

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from codegen.integrand import Integrand, second_gradient_energy
 from tmc_vem.energy import Energy, hyperelastic_solid, third_medium
+from tmc_vem.mesh.make.outline import Arc
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.graded import ByFormulas, OfMedium, OfSolid
 from tmc_vem.problems.materials import Material, Medium
@@ -166,6 +167,13 @@ def with_friction(problem: Problem) -> list[str]:
 def stages_of(problem: Problem) -> tuple[Stage, ...]:
     """Stages of a problem that has a method ``stages()``; none of one that says nothing of any."""
     method = getattr(problem, "stages", None)
+    return () if method is None else tuple(method())
+
+
+def curves_of(problem: Problem) -> tuple[Arc, ...]:
+    """Curved pieces of outlines that a mesh follows when it is refined, of a problem that has a method ``curves()``;
+    none of one that says nothing of any."""
+    method = getattr(problem, "curves", None)
     return () if method is None else tuple(method())
 
 

@@ -137,6 +137,11 @@ class Bodies:
             named_points=mesh.named_points, named_edges=edges,
         )  # fmt: skip
 
+    def curves(self) -> Sequence[Arc]:
+        """The round sides of the half discs."""
+        turned = [(x, y, -180.0 if y > 0.0 else 0.0) for x, y in self.centers()]
+        return [Arc((x, y), self.radius, first, first + 180.0) for x, y, first in turned]
+
     def regions(self) -> Mapping[str, RegionEnergy]:
         """Beam, half discs and the medium between them, with the beam's shear modulus."""
         return {

@@ -109,6 +109,10 @@ class Punch:
             },
         )
 
+    def curves(self) -> Sequence[Arc]:
+        """The round side of the punch."""
+        return (Arc((0.0, self.top), self.radius, -90.0, 0.0),)
+
     def regions(self) -> Mapping[str, RegionEnergy]:
         """Block, punch and the medium around them."""
         punch = self.material.stiffer(self.stiffness)

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from tmc_vem.mesh.make.outline import Arc
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, stages_of
+from tmc_vem.problems.base import Problem, RegionEnergy, curves_of, forces_of, stages_of
 from tmc_vem.problems.probes import Probe, as_plain
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.units import Units
@@ -46,6 +47,10 @@ class Wrapped:
     def forces(self) -> Sequence[Force]:
         """Forces and springs of the problem."""
         return forces_of(self.problem)
+
+    def curves(self) -> Sequence[Arc]:
+        """Curved pieces of outlines that the mesh follows when it is refined."""
+        return curves_of(self.problem)
 
     def stages(self) -> Sequence[Stage]:
         """Stages of the problem."""

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from tmc_vem.report import cautions, plots, tables
+from tmc_vem.report.adapted_tables import estimated_errors
 from tmc_vem.report.limits import WITHHELD, limit_names
 from tmc_vem.report.page import Block, Entry, Page, Picture, Section, Table, Text, picture
 from tmc_vem.report.panels import draw_panels
@@ -125,6 +126,7 @@ def comparison_page(comparison: Comparison) -> Page:
                     plots.newton_iterations(c.finest), "newton", "Newton iterations of every load step, finest mesh."
                 ),
                 tables.final_state(c.runs),
+                *estimated_errors(c.runs),
                 *tables.energy_in_jumps(c.runs),
                 tables.effort(c.runs),
                 Table("Contact in the last state, finest mesh.", ("run", "deformed solids"), contact),

@@ -27,14 +27,14 @@ Runs = Mapping[str, RunResult]
 Value = Callable[[StepRecord, RunResult], float | None]
 
 
-def axes_of(columns: int = 1, height: float = 3.6, width: float = 10.0) -> tuple[Any, list[Any]]:
-    """A figure with axes beside one another."""
+def axes_of(columns: int = 1, height: float = 3.6, width: float = 10.0, rows: int = 1) -> tuple[Any, list[Any]]:
+    """A figure with axes beside one another, row by row."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
-    axes = list(figure.subplots(1, columns, squeeze=False)[0])
+    axes = list(figure.subplots(rows, columns, squeeze=False).flat)
     for one in axes:
         one.grid(True, which="both", linewidth=0.4, color="0.88")
         one.set_axisbelow(True)
@@ -217,7 +217,7 @@ def convergence(
                 which = "uncertainty" if common else f"uncertainty, {name}"
                 colour = "0.5" if common else COLOURS[n % len(COLOURS)]
                 one.axhline(floor, color=colour, linestyle=":", linewidth=1.0, label=label(which))
-        _plain_ticks(one.xaxis)
+        plain_ticks(one.xaxis)
         one.set_xlabel(what)
         one.set_ylabel(f"relative error of the {quantity}")
         one.legend(fontsize=8, framealpha=0.9, edgecolor="none")
@@ -251,7 +251,7 @@ def final_values(
     return pictures
 
 
-def _plain_ticks(axis: Any) -> None:
+def plain_ticks(axis: Any) -> None:
     """A few round numbers as they would be said, on a logarithmic axis that may be shorter than a decade."""
     from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 

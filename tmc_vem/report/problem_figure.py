@@ -57,7 +57,7 @@ def draw_problem(
     figure, (axes,) = _panels(1, extent, width=9.0, height=(1.5, 5.5), margin=0.9)
     _fill(axes, mesh, media, edges=cells)
     unit = 0.05 * float(extent.max())
-    named = _colours(mesh, media) if cells else {"solid": SOLIDS[0], "third medium": MEDIUM_COLOUR}
+    named = region_colours(mesh.region_names, media) if cells else {"solid": SOLIDS[0], "third medium": MEDIUM_COLOUR}
     edge = {MEDIUM_COLOUR: "0.6"}
     handles: list[Any] = [
         Patch(facecolor=colour, edgecolor=edge.get(colour, "black"), label=label(name))
@@ -208,7 +208,7 @@ def _fill(axes: Any, mesh: PolygonMesh, media: Collection[str], *, edges: bool) 
 
     points = np.asarray(mesh.points_vx)
     cells = [np.asarray(cell) for cell in mesh.cells()]
-    for number, colour in enumerate(_colours(mesh, media).values()):
+    for number, colour in enumerate(region_colours(mesh.region_names, media).values()):
         chosen = np.flatnonzero(np.asarray(mesh.region_c) == number)
         collection = PolyCollection(
             [points[cells[c]] for c in chosen],
@@ -223,12 +223,10 @@ def _fill(axes: Any, mesh: PolygonMesh, media: Collection[str], *, edges: bool) 
     axes.add_collection(LineCollection(lines, colors="black", linewidths=0.9, capstyle="round"))
 
 
-def _colours(mesh: PolygonMesh, media: Collection[str]) -> dict[str, str]:
+def region_colours(names: Sequence[str], media: Collection[str]) -> dict[str, str]:
     """Colour of each region, in their order."""
-    solids = [name for name in mesh.region_names if name not in media]
-    return {
-        name: MEDIUM_COLOUR if name in media else SOLIDS[solids.index(name) % len(SOLIDS)] for name in mesh.region_names
-    }
+    solids = [name for name in names if name not in media]
+    return {name: MEDIUM_COLOUR if name in media else SOLIDS[solids.index(name) % len(SOLIDS)] for name in names}
 
 
 def _some(mesh: PolygonMesh, where: str, n: int) -> NDArray[np.float64]:

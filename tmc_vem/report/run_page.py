@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tmc_vem.report import cautions, plots, tables
+from tmc_vem.report.adapted import adapted_sections
 from tmc_vem.report.contact_figure import contact_of
 from tmc_vem.report.contact_tables import contact_tables
 from tmc_vem.report.field_figure import Shown, field_figure
@@ -51,6 +52,7 @@ def run_page(result: RunResult, *, quantity: str = "uy", n_states: int = 4, show
                 ],
             ),
             *([Section("Limit for gamma to 0", limit_blocks(name, result))] if result.limit else []),
+            *adapted_sections(name, result),
             *([Section("Deformed states", [_states(result, quantity, n_states)])] if result.history else []),
             *(_contact(result) if result.history else []),
             *([Section("Field", [_field(result, shown)])] if result.history else []),

@@ -272,6 +272,8 @@ def runs_csv(runs: Runs) -> str:
                 "steps", "newton_iterations", "cut_backs", "negative_pivots")}  # fmt: skip
         for group in ("probes", "min_j", "energy", "seconds", "inputs", "versions"):
             row |= {f"{group}.{name}": value for name, value in _leaves(data[group])}
+        if run.adaptivity is not None:
+            row |= {f"estimated_error.{name}": value for name, value in run.adaptivity.errors.items()}
         row["directory"] = run.directory.name if run.directory else ""
         rows.append(row)
     columns = list(dict.fromkeys(name for row in rows for name in row))

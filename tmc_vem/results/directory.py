@@ -14,6 +14,10 @@ from typing import Any
 
 from tmc_vem.results.lock import LOCK, DirectoryLock
 from tmc_vem.results.records import (
+    ADAPT,
+    ADAPTED,
+    ADAPTED_MESH,
+    ADAPTED_PICTURE,
     COLLECTION,
     CONTACT_FOLDER,
     CONTACT_LINES,
@@ -36,7 +40,8 @@ from tmc_vem.support.errors import InputError
 from tmc_vem.support.files import remove_unfinished, write_atomically
 
 _OWN = (RESULT, HISTORY, FIELDS, COLLECTION, f"{TRIANGULATED}.pvd", CONTACT_TABLE, CONTACT_FOLDER, CONTACT_LINES,
-        PICTURE, COMMAND, PROBLEM, BEGUN, CHECKPOINT, BEFORE)  # fmt: skip
+        PICTURE, COMMAND, PROBLEM, BEGUN, CHECKPOINT, BEFORE, ADAPT, ADAPTED, ADAPTED_MESH,
+        ADAPTED_PICTURE)  # fmt: skip
 
 
 class RunDirectory:
@@ -45,6 +50,7 @@ class RunDirectory:
     Args:
         path: where to write.
         overwrite: replace an earlier run there.
+        keep: what of it is not removed, as it belongs to the new one.
 
     Raises:
         InputError: the path is a file, cannot be written, or has something in it that must not be replaced.
@@ -56,10 +62,10 @@ class RunDirectory:
     marks: tuple[str, ...] = (*MARKS, HISTORY)
     called = "a run"
 
-    def __init__(self, path: str | Path, *, overwrite: bool = False) -> None:
+    def __init__(self, path: str | Path, *, overwrite: bool = False, keep: Sequence[str] = ()) -> None:
         self.path = Path(path)
         self._facts: dict[str, Any] = {}
-        self._overwrite = overwrite
+        self._overwrite, self._keep = overwrite, tuple(keep)
         with _writable(self.path):
             self._check()
 
@@ -109,7 +115,7 @@ class RunDirectory:
             self._check()
         self.path.mkdir(parents=True, exist_ok=True)
         remove_unfinished(self.path)
-        for name in self.own:
+        for name in set(self.own) - set(self._keep):
             target = self.path / name
             if target.is_dir():
                 shutil.rmtree(target)

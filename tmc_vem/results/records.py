@@ -1,7 +1,8 @@
 """Records of load steps, and the names of what a run directory holds.
 
 A run directory holds ``result.json`` (inputs, versions, results, times), ``history.csv`` (a row a load step),
-``fields.pvd`` with ``fields/*.vtu`` and ``deformed.png``; until there is a result, ``run.json`` instead.
+``fields.pvd`` with ``fields/*.vtu`` and ``deformed.png``; until there is a result, ``run.json`` instead. A run that
+adapts its mesh has ``adapt.pvd`` with ``adapt/*.vtu``, ``mesh.vtu`` and ``adapted.png`` as well.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from tmc_vem.support.units import ENERGY, NONE
 # ``from_row`` leaves both alone; a changed meaning raises both.
 SCHEMA, OLDEST = 2, 1
 RESULT, HISTORY, FIELDS, COLLECTION, PICTURE = "result.json", "history.csv", "fields", "fields.pvd", "deformed.png"
+# meshes that a run was adapted on: the folder, the collection, the last one as a mesh file, and a picture of them
+ADAPT, ADAPTED, ADAPTED_MESH, ADAPTED_PICTURE = "adapt", "adapt.pvd", "mesh.vtu", "adapted.png"
 PROBLEM = "problem.toml"  # of a run whose problem came from tables
 DESIGN = "design.toml"  # the same of a search for a design, whose directory is none of a run
 # tractions: the table of the last step, and of all snapshots the folder and the collection of their lines

@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tmc_vem.results.adaptivity import Adaptivity
 from tmc_vem.results.limit import GammaLimit
 from tmc_vem.results.records import (
     CONTACT,
@@ -62,6 +63,7 @@ class RunResult:
         lowered: states beside the load steps, with lower gamma at the load of step ``limit_of``.
         unfinished: 'running', 'interrupted' or 'unknown' for a run that has no result yet, or never will. Its sizes are
             0 where they are not known.
+        adaptivity: how its mesh was adapted, with the estimated errors, if it was.
         end: the last state, :class:`tmc_vem.simulation.end_of_run.EndOfRun`, of a run of this process; None of a result
             that was read from a directory.
     """
@@ -90,6 +92,7 @@ class RunResult:
     curves: ContactCurves | None = field(default=None, repr=False, compare=False)
     limit: GammaLimit | None = None
     lowered: Sequence[StepRecord] = field(default=(), repr=False)
+    adaptivity: Adaptivity | None = field(default=None, repr=False)
     end: Any = field(default=None, repr=False, compare=False)
 
     @property
@@ -232,6 +235,7 @@ class RunResult:
             "newton_iterations": self.newton_iterations,
             "cut_backs": self.cut_backs,
             "limit": None if self.limit is None else self.limit.as_dict(),
+            **({} if self.adaptivity is None else {"adaptivity": self.adaptivity.as_dict()}),
             "negative_pivots": last.negative_pivots if last else None,
             "projection_degrees": dict(self.projection_degrees),
             "checks": dict(self.checks),
@@ -275,8 +279,10 @@ class RunResult:
             later = {name: data[name] for name in optional if name in data}
             _check_types({name: data[name] for name in (*names, *later)})
             limit = None if data.get("limit") is None else GammaLimit.from_dict(data["limit"])
+            adapted = None if data.get("adaptivity") is None else Adaptivity.from_dict(data["adaptivity"])
             plain = {name: data[name] for name in names}
-            return RunResult(**plain, history=history, directory=path, limit=limit, lowered=lowered, **later)
+            more = {**later, "limit": limit, "lowered": lowered, "adaptivity": adapted}
+            return RunResult(**plain, history=history, directory=path, **more)
         except OSError as error:
             raise InputError(f"{path} is not a run directory: {error.strerror} ({error.filename})") from None
         except KeyError as error:

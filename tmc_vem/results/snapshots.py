@@ -90,7 +90,16 @@ def read_fields(result: Written, snapshot: Snapshot) -> Fields:
     return Fields.merge([_read(path, names, media) for path in snapshot.files])
 
 
-def _read(path: Path, region_names: tuple[str, ...], media: tuple[str, ...]) -> Fields:
+def fields_of_file(path: Path) -> Fields:
+    """Fields of a VTU file by itself: regions go by their numbers.
+
+    Raises:
+        InputError: it is missing or not readable.
+    """
+    return _read(path, None, ())
+
+
+def _read(path: Path, region_names: tuple[str, ...] | None, media: tuple[str, ...]) -> Fields:
     import meshio
 
     try:
@@ -99,8 +108,8 @@ def _read(path: Path, region_names: tuple[str, ...], media: tuple[str, ...]) -> 
         raise InputError(f"{path} is not readable: {error or type(error).__name__}") from None
 
 
-def _fields(mesh: Any, region_names: tuple[str, ...], media: tuple[str, ...]) -> Fields:
-    """The fields of a file.
+def _fields(mesh: Any, region_names: tuple[str, ...] | None, media: tuple[str, ...]) -> Fields:
+    """The fields of a file; without names of regions, numbers are their names, and the file says which are medium.
 
     Raises:
         KeyError, ValueError: it lacks some, or has other regions.
@@ -111,6 +120,9 @@ def _fields(mesh: Any, region_names: tuple[str, ...], media: tuple[str, ...]) ->
     nodes = np.concatenate([np.ravel(block.data) for block in mesh.cells]).astype(np.int64)
     values = {name: np.concatenate(blocks) for name, blocks in mesh.cell_data.items()}
     region_c = values["region"].astype(np.int64)
+    if region_names is None:
+        region_names = tuple(f"region {n}" for n in range(int(region_c.max(initial=-1)) + 1))
+        media = tuple(region_names[n] for n in np.unique(region_c[values["medium"] > 0]))
     if not (len(region_c) and region_c.min() >= 0 and region_c.max() < len(region_names)):
         raise ValueError(f"its regions are not the {len(region_names)} of the history")
     polygons = Polygons(

@@ -20,6 +20,7 @@ from tmc_vem.results.lock import is_held
 
 BEGUN, COMMAND = "run.json", "command.json"
 CHECKPOINT, BEFORE = "checkpoint.npz", "checkpoint-before.npz"
+ROUNDS = "adapt/rounds.json"  # of a run whose mesh is being adapted
 RUNNING, INTERRUPTED, UNKNOWN = "running", "interrupted", "unknown"
 SILENT = "its process ended without a word: killed, or lost with its machine"
 
@@ -52,7 +53,7 @@ def unfinished(path: Path) -> dict[str, Any]:
 
 def how_to_go_on(path: Path) -> str:
     """How a run that was cut short goes on; nothing if it has no checkpoint."""
-    if not any((path / name).is_file() for name in (CHECKPOINT, BEFORE)):
+    if not any((path / name).is_file() for name in (CHECKPOINT, BEFORE, ROUNDS)):
         return ""
     if (path / COMMAND).is_file():
         return f"'tmc-vem resume {shlex.quote(str(path))}' goes on"
@@ -70,7 +71,8 @@ def _begun(path: Path) -> dict[str, Any]:
     return facts
 
 
-def _inputs(path: Path) -> dict[str, Any]:
+def checkpoint_inputs(path: Path) -> dict[str, Any] | None:
+    """Inputs of the run that a directory has a checkpoint of; None without one that can be read."""
     import numpy as np
 
     for name in (CHECKPOINT, BEFORE):
@@ -80,6 +82,13 @@ def _inputs(path: Path) -> dict[str, Any]:
                 return inputs
         except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile):
             continue
+    return None
+
+
+def _inputs(path: Path) -> dict[str, Any]:
+    inputs = checkpoint_inputs(path)
+    if inputs is not None:
+        return inputs
     command = json.loads((path / COMMAND).read_text())
     if not isinstance(command, dict):
         raise ValueError(f"{COMMAND} is damaged")

@@ -21,6 +21,7 @@ from tmc_vem.sensitivity.functionals_record import Functional
 from tmc_vem.sensitivity.gradient import Gradients, refuse_friction
 from tmc_vem.sensitivity.table import Entry, SensitivityTable
 from tmc_vem.sensitivity.units import of_number, of_result
+from tmc_vem.simulation.adapted import on_adapted_mesh
 from tmc_vem.simulation.checkpoint import Checkpoint, require_same_inputs
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.options import RunOptions
@@ -224,7 +225,7 @@ def problem_of(directory: Path) -> tuple[Problem, RunOptions]:
             f"{directory} has no {PROBLEM}, as no run of a benchmark from Python has: ask the result of run() for its "
             "gradient, or give the problem by its name"
         )
-    return read_problem(file)
+    return on_adapted_mesh(directory, *read_problem(file))
 
 
 def _at_end(simulation: Simulation, result: RunResult) -> Sensitivities:

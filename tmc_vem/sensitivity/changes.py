@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem, RegionEnergy, forces_of, media_of, stages_of
+from tmc_vem.problems.on_mesh import OnMesh
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.sensitivity.numbers import nearby, rate, value_of, with_value
 from tmc_vem.support.assignments import keys
@@ -90,6 +91,11 @@ class Changes:
 
     # -- parts -----------------------------------------------------------------------------------------------------
 
+    @property
+    def _shaped(self) -> Problem:
+        """The problem with the mesh that its numbers make, even if it is solved on another one."""
+        return self._problem.problem if isinstance(self._problem, OnMesh) else self._problem
+
     def _check_place(self, name: str) -> None:
         """Check that a number does not make the mesh.
 
@@ -101,7 +107,7 @@ class Changes:
             f"'{name}' makes the mesh: there are derivatives by materials, media, displacements and loads, none by "
             "shapes; run the problem with values nearby, 'tmc-vem sweep'"
         )
-        if isinstance(self._problem, OwnProblem):
+        if isinstance(self._shaped, OwnProblem):
             if first in OF_MESH:
                 raise InputError(shape)
             if first in OF_NOTHING:
@@ -114,10 +120,10 @@ class Changes:
 
         def differs() -> bool:
             try:
-                other = nearby(self._problem, name, value_of(self._problem, name)).make_mesh().points_vx
+                other = nearby(self._shaped, name, value_of(self._shaped, name)).make_mesh().points_vx
             except InputError:  # a number of cells, say
                 return True
-            points = self._problem.make_mesh().points_vx
+            points = self._shaped.make_mesh().points_vx
             return points.shape != other.shape or bool((points != other).any())
 
         return from_root(self._system.comm, differs)

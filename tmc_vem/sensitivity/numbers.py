@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem
+from tmc_vem.problems.on_mesh import OnMesh
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.support.assignments import keys
 from tmc_vem.support.distributed import Comm
@@ -63,6 +64,8 @@ def with_value(problem: Problem, name: str, value: float) -> Problem:
     Raises:
         InputError: there is no such number, or the value is out of its range.
     """
+    if isinstance(problem, OnMesh):
+        return dataclasses.replace(problem, problem=with_value(problem.problem, name, value))
     root = _replaced(_root(problem), keys(name), value, "")
     made: Problem = problem.with_table(root) if isinstance(problem, OwnProblem) else root
     return made
@@ -162,6 +165,8 @@ def _extrapolated(
 
 
 def _root(problem: Problem) -> Any:
+    if isinstance(problem, OnMesh):
+        return _root(problem.problem)
     return problem.table if isinstance(problem, OwnProblem) else problem
 
 

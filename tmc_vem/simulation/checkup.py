@@ -6,7 +6,7 @@ compiled, as only that shows all that can be wrong with them; the run finds thei
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, is_dataclass
+from dataclasses import asdict, dataclass, field, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,8 @@ from tmc_vem.problems.inventory import (
     vertices_loaded,
 )
 from tmc_vem.problems.probes import Gap, check_probes
+from tmc_vem.simulation.adapt_settings import AdaptSettings
+from tmc_vem.simulation.adaptable import fitted, require_adaptable
 from tmc_vem.simulation.discretised import fault_at_start
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.plan import control_path, loads_of, order_of
@@ -143,6 +145,9 @@ def check(problem: Problem, options: RunOptions | None = None) -> Checkup:
         CodegenError: an energy is no function that kernels could be made of.
     """
     options = options or RunOptions()
+    if options.adapt.names:
+        require_adaptable(problem, options)
+        problem, options = fitted(problem), replace(options, adapt=AdaptSettings())
     control_path(problem, options)
     _require_steps(options)
     mesh = problem.make_mesh()
@@ -258,7 +263,7 @@ def _too_few(gap: Width) -> str:
     return (
         f"region '{gap.medium}' has a single cell across the gap of {gap.width:.3g} {between} at ({x:.4g}, {y:.4g}): "
         f"use cells of size {gap.width / ENOUGH:.3g} or less there, refine = [{{ near = [{x:.4g}, {y:.4g}], size = "
-        f"{gap.width / ENOUGH:.3g} }}]"
+        f"{gap.width / ENOUGH:.3g} }}], or fit = true"
     )
 
 

@@ -18,8 +18,12 @@ class Interrupted(TmcError):
     def __init__(self, number: int, how_to_go_on: str = "") -> None:
         advice = f"; {how_to_go_on}" if how_to_go_on else ""
         super().__init__(f"stopped by {signal.Signals(number).name}{advice}")
-        self.number = number
+        self.number, self.how_to_go_on = number, how_to_go_on
         self.exit_code = 128 + number
+
+    def __reduce__(self) -> tuple[type[Interrupted], tuple[int, str]]:
+        """It travels to other ranks as what it was made of."""
+        return Interrupted, (self.number, self.how_to_go_on)
 
 
 class StopRequest:
@@ -57,6 +61,32 @@ def stop_requests(comm: Comm) -> Iterator[StopRequest]:
         pass
     try:
         yield request
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def stopping_at_once() -> Iterator[None]:
+    """SIGINT and SIGTERM raise wherever this process is, for work that no other rank takes part in.
+
+    In the main thread; elsewhere nothing is caught. What is written must be written whole or not at all.
+
+    Raises:
+        Interrupted: at the signal.
+    """
+
+    def stop(number: int, _frame: FrameType | None) -> None:
+        raise Interrupted(number)
+
+    before: dict[int, Any] = {}
+    try:
+        for each in (signal.SIGINT, signal.SIGTERM):
+            before[each] = signal.signal(each, stop)
+    except ValueError:  # not the main thread
+        pass
+    try:
+        yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from tmc_vem.simulation.adapt_settings import AdaptSettings
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.settings import about, described
 from tmc_vem.support.validation import check_fields, require_finite, require_known, require_positive, shown
@@ -33,6 +34,10 @@ class RunOptions:
     fem: FemSettings = field(
         default_factory=FemSettings,
         metadata=about("Order, quadrature and interior penalty of the Lagrange elements."),
+    )
+    adapt: AdaptSettings = field(
+        default_factory=AdaptSettings,
+        metadata=about("Results that the mesh is adapted to, and how far; by default it is taken as it is."),
     )
     steps: int | None = field(
         default=None, metadata=about("Equal load steps (the paper's box: 100).", none="automatic steps")

@@ -128,6 +128,7 @@ def run_inputs(problem: Problem, options: RunOptions) -> dict[str, Any]:
         **({"units": asdict(units)} if units.declared else {}),
         **_method_inputs(options),
         **friction,
+        **({"adapt": asdict(options.adapt)} if options.adapt.names else {}),
     }
 
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tmc_vem.problems.cell_size import size_text
 from tmc_vem.problems.description import ProblemTable
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.simulation.options import RunOptions
@@ -64,12 +65,30 @@ def problem_text(problem: OwnProblem, options: RunOptions) -> str:
     """Problem and run options as a problem file, which may lie anywhere: files in it are named from the root.
 
     Limits on the work of one run are left out, as nothing but its length depends on them.
+
+    Raises:
+        InputError: the size of cells is a function of Python.
     """
     return HEADER + toml_text(solved_table(problem, options))
 
 
+def can_be_written(problem: OwnProblem) -> bool:
+    """Whether a file can have the problem: not if the size of cells is a function of Python."""
+    return not callable(problem.table.mesh.size)
+
+
 def solved_table(problem: OwnProblem, options: RunOptions) -> dict[str, Any]:
-    """The tables of :func:`problem_text`."""
+    """The tables of :func:`problem_text`.
+
+    Raises:
+        InputError: the size of cells is a function of Python.
+    """
+    size = problem.table.mesh.size
+    if callable(size):
+        raise InputError(
+            f"mesh: size = {size_text(size)} is a function of Python, which no file can have: write it as a formula of "
+            "x and y"
+        )
     table = as_table(problem.table)
     directory = problem.directory
     if "file" in table["mesh"]:

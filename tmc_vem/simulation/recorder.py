@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tmc_vem.problems.base import Problem, media_of, with_friction
 from tmc_vem.problems.design_region import design_regions
+from tmc_vem.results.adaptivity import Adaptivity
 from tmc_vem.results.contact.contact import check_contact
 from tmc_vem.results.contact.curves import ContactCurves
 from tmc_vem.results.contact_files import collect, write_last, write_snapshot
@@ -88,6 +89,7 @@ class Recorder:
         self._plain_history: list[dict[str, Any]] = []
         self._columns: set[str] = set()  # of history.csv
         self.findings: list[Finding] = []  # about the run as such: its files, for example
+        self.adaptivity: Adaptivity | None = None  # how the mesh came about
         self._facts: dict[str, Any] = {}
         self._order = int(inputs["order"])
         self._every = checkpoint_every if directory is not None else 0
@@ -370,6 +372,7 @@ class Recorder:
             curves=curves,
             limit=limit,
             lowered=tuple(self.lowered.records),
+            adaptivity=self.adaptivity,
         )
         if self.directory is not None:
             directory = self.directory

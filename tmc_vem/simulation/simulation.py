@@ -6,7 +6,7 @@ start it with options of his own can.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +21,7 @@ from tmc_vem.simulation.end_of_run import EndOfRun
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.options import PATH, RunOptions
 from tmc_vem.simulation.plan import control_path, loads_of, order_of, run_inputs, snapshot_times
-from tmc_vem.simulation.problem_file import problem_text
+from tmc_vem.simulation.problem_file import can_be_written, problem_text
 from tmc_vem.support.distributed import Comm, Vec
 from tmc_vem.support.errors import InputError, TmcError
 from tmc_vem.support.parallel import from_root, on_root
@@ -86,11 +86,13 @@ def prepare(
     monitor: Monitor | None = None,
     resume: bool = False,
     command: Mapping[str, Any] | None = None,
+    keep: Sequence[str] = (),
 ) -> Simulation:
     """Everything of :func:`run` before its first load step: mesh, kernels, checks of the problem; nothing is written.
 
     Args:
         problem, out, options, comm, monitor, resume, command: those of :func:`run`.
+        keep: names in the run directory that belong to this run already.
 
     Returns:
         What can be looked at, and goes when :meth:`Simulation.go` is called.
@@ -110,6 +112,8 @@ def prepare(
     from tmc_vem.solve.newton import NewtonOptions, NewtonSolver
 
     options = options or RunOptions()
+    if options.adapt.names:
+        raise InputError("a mesh that is adapted is not known before the run: use run, or leave adapt out")
     comm = MPI.COMM_WORLD if comm is None else comm
     monitor = monitor if monitor is not None and comm.rank == 0 else Monitor()
     timer = Timer()
@@ -121,7 +125,7 @@ def prepare(
     directory: RunDirectory | None = None
     with timer("set-up"):
         if out is not None:
-            directory = from_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume))
+            directory = from_root(comm, lambda: RunDirectory(out, overwrite=options.overwrite or resume, keep=keep))
         hints: list[str] = []
         loads = (*loads_of(problem, options), *options.output_loads, *path.kinks)
         system = discretise(problem, options, comm, lambda mesh: hints.extend(examine(problem, mesh, loads)))
@@ -291,7 +295,9 @@ class Simulation:
 
         directory, findings = self.directory, self.recorder.findings
         if directory is not None and not self.resume:
-            text = problem_text(self.problem, self.options) if isinstance(self.problem, OwnProblem) else None
+            problem, text = self.problem, None
+            if isinstance(problem, OwnProblem) and can_be_written(problem):
+                text = problem_text(problem, self.options)
             on_root(self.comm, lambda: directory.start(self.command, text))
         if directory is not None and lock is not None and not lock.held:
             text = f"the file system of {directory.path} has no locks: only one run may write there"
@@ -328,7 +334,7 @@ class Simulation:
         on_step = recorder.record if descents is None else _then(recorder.record, descents)
         if self.options.follow:
             return ArcLengthStepper(solver, arc_of(self.options), on_step, on_iteration), descents
-        gamma = {} if friction.is_there else _gamma(self.problem)  # a stiffer medium would leave its friction behind
+        gamma = {} if friction.is_there else gamma_of(self.problem)  # a stiffer medium would leave its friction behind
         stepper = LoadStepper(
             solver, self.stepping, on_step, self.path, gamma, recorder.step_failed, on_iteration, friction=friction
         )
@@ -391,7 +397,7 @@ def arc_of(options: RunOptions) -> ArcOptions:
     return ArcOptions(largest=options.largest_step, first=min(ArcOptions.first, options.largest_step))
 
 
-def _gamma(problem: Problem) -> dict[str, float]:
+def gamma_of(problem: Problem) -> dict[str, float]:
     """gamma of the medium, if there is one value of it; the load stepper may raise it for a while."""
     values = {region.values["gamma"] for region in problem.regions().values() if "gamma" in region.values}
     return {"gamma": values.pop()} if len(values) == 1 else {}

@@ -31,9 +31,9 @@ def main() -> int:
     from dataclasses import replace
 
     from codegen.errors import CodegenError
+    from tmc_vem.adapt.run import run
     from tmc_vem.results.records import StepRecord
     from tmc_vem.simulation.monitor import Monitor
-    from tmc_vem.simulation.simulation import run
     from tmc_vem.support.errors import TmcError
 
     class Reporter(Monitor):

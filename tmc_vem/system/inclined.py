@@ -175,6 +175,12 @@ class TurnedSystem:
         """Values (n_nodes, 2) of this rank's nodes, ghosts included."""
         return self._system.nodal_values(self._plain(u))
 
+    def nodal_vector(self, values_ni: Float) -> Vec:
+        """A new vector with values (n_nodes, 2) along x and y of this rank's nodes, of virtual elements."""
+        vector: Vec = cast("Any", self._system).nodal_vector(values_ni)
+        self._turn_back(vector)
+        return vector
+
     def cell_energies(self, u: Vec, without: str = "") -> Float:
         """Energy (n_cells,) of each local cell."""
         return self._system.cell_energies(self._plain(u), without)

@@ -160,7 +160,7 @@ class Patches:
         scale_c = np.sqrt(area_c)
         moment_cqm = w_cq[..., None] * monomials(self.degree, (X_cqx - centre_cx[:, None]) / scale_c[:, None, None])
         scale_cv = self.scale_p[patch_cv]
-        shift_cvmm = _shifts(
+        shift_cvmm = shifts(
             self.degree,
             (centre_cx[:, None] - self.centre_px[patch_cv]) / scale_cv[..., None],
             scale_c[:, None] / scale_cv,
@@ -247,7 +247,7 @@ class _Shared:
         return together
 
 
-def _shifts(degree: int, offset: Float, ratio: Float) -> Float:
+def shifts(degree: int, offset: Float, ratio: Float) -> Float:
     """(..., n_monomials, n_monomials) matrices that take monomials of xi to those of ``offset + ratio xi``."""
     powers = [_powers(degree, offset[..., axis], ratio) for axis in range(2)]
     every = exponents(degree)

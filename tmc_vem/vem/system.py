@@ -293,6 +293,17 @@ class VemSystem(WithSensitivities, WithFriction):
         """Values (n_nodes, 2) of this rank's nodes, ghosts included."""
         return self._local_values(u).copy()
 
+    @property
+    def virtual_elements(self) -> VemSystem:
+        """This, also from what is around it: forces, or nodes with axes of their own."""
+        return self
+
+    def nodal_vector(self, values_ni: Float) -> Vec:
+        """A new vector with values (n_nodes, 2) of this rank's nodes."""
+        vector, owned = self.create_vector(), self.dofmap.owned_node_n
+        DISPLACEMENT.nodal(vector.getArray())[owned[owned >= 0]] = values_ni[owned >= 0]
+        return vector
+
     def locate(self, points_nx: Float) -> Located:
         """Points (n, 2) of the reference configuration in this rank's cells."""
         return locate(self.distributed, self.dofmap, self.blocks, points_nx, TOLERANCE * self.size)
