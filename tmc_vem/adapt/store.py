@@ -1,8 +1,8 @@
 """What adapted runs keep in their directory: where the rounds stand, their results, meshes for ParaView.
 
-``adapt/rounds.json`` has the rounds, ``adapt/state.npz`` the state of the next one, bit for bit, ``adapt/mesh.npz`` the
-mesh that came out, ``adapt/round-00.vtu`` and so on what each mesh was and how it deforms, and ``adapt.pvd`` opens them
-all. ``mesh.vtu`` is the last mesh as a mesh file.
+``adapt/rounds.json`` has the rounds, ``adapt/01-state.npz`` the state that the next one begins with, bit for bit,
+``adapt/mesh.npz`` the mesh that came out, ``adapt/round-00.vtu`` and so on what each mesh was and how it deforms, and
+``adapt.pvd`` opens them all. ``mesh.vtu`` is the last mesh as a mesh file.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A size of cells that users give as a function, as meshes can have it: positive, and no steeper than cells grow.
 
 Where the function is too steep, the smaller of its sizes count, and the size grows from them on: h(x) is the least of
-f(y) + growth |x - y| over samples y, along all outlines and inside. Where it is not, it is left as it is.
+``f(y) + growth |x - y|`` over samples y, along all outlines and inside. Where it is not, it is left as it is.
 """
 
 from __future__ import annotations
