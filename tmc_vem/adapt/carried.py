@@ -46,6 +46,18 @@ class Start:
         return f"{how}, {cells} untangled" if self.untangled else how
 
 
+def brought(before: Solved, change: MeshChange, simulation: Simulation, *, nested: bool = True) -> Vec:
+    """Displacements of a state on a changed mesh, whatever J they have there.
+
+    Args:
+        before, change, nested: as for :func:`carried`.
+        simulation: prepared on the new mesh.
+    """
+    vem, parent_c = virtual_elements(simulation), change.parent_c if nested else None
+    values_ni = transferred(before.vem, before.nodal_values, vem, change.before_vx, parent_c)
+    return vector_of(simulation, values_ni, before.position)
+
+
 def start_on(before: Solved, change: MeshChange, problem: OnMesh, *, nested: bool = True) -> Start:
     """The state of another mesh on a changed one, without cells that are inside out.
 
@@ -56,9 +68,7 @@ def start_on(before: Solved, change: MeshChange, problem: OnMesh, *, nested: boo
         NotReached: some cannot be untangled.
     """
     simulation = prepared(problem, before.simulation.options)
-    vem, values_ni = virtual_elements(simulation), before.nodal_values
-    values_ni = transferred(before.vem, values_ni, vem, change.before_vx, change.parent_c if nested else None)
-    u = vector_of(simulation, values_ni, before.position)
+    vem, u = virtual_elements(simulation), brought(before, change, simulation, nested=nested)
     smallest = min(float(before.simulation.system.cell_jacobians(before.u)[1].min()), 1.0)
     values_ni, stays, weights = simulation.system.nodal_values(u), held(simulation), weights_of(problem)
     found = untangled(vem, values_ni, stays, weights, LEAST * smallest)

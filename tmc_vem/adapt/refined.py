@@ -11,18 +11,20 @@ F = I, at which it is positive, with the modulus of each region: the tangent of 
 positive, and contributions of neighbours would cancel by orders of magnitude.
 
 The differences are those of all results, whether they have derivatives or not. Between h and h/2 they are 1 - 2^-p of
-the error, which is taken to be of order p = 2. Where the refined equilibrium is not found in a few iterations, one
-Newton step from the carried state gives the differences of those results that have derivatives.
+the error, which is taken to be of order p = 2. Where the refined equilibrium is not found from the carried state, it is
+found from the beginning of the path; on large meshes, or where that fails too, one Newton step from the carried state
+gives the differences of those results that have derivatives.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.adapt.carried import converges, start_on
+from tmc_vem.adapt.carried import brought, converges, start_on
 from tmc_vem.adapt.estimate import Estimate
 from tmc_vem.adapt.small_strain import small_strain_stiffness, strain_products
 from tmc_vem.adapt.solved import NotReached, Solved, nodal_vector
@@ -38,13 +40,17 @@ from tmc_vem.vem.transfer import transferred
 
 Float = NDArray[np.float64]
 
-MOST_ITERATIONS = 40  # for the refined equilibrium; then the estimate is linearised
+MOST_ITERATIONS = 40  # for the refined equilibrium from the carried state
+MOST_DOFS = 60_000  # of a refined problem that is gone through from the beginning where that fails
 ORDER = 2.0  # of the errors, as assumed
 WHOLE = 1.0 / (1.0 - 2.0**-ORDER)  # error of the mesh, by the difference to the refined one
 CRUDE = "the refined problem was only linearised: where contact is about to change, this is crude"
 
 
-def refined_estimate(solved: Solved, names: tuple[str, ...], change: MeshChange, problem: OnMesh) -> Estimate:
+def refined_estimate(
+    solved: Solved, names: tuple[str, ...], change: MeshChange, problem: OnMesh,
+    from_start: Callable[[OnMesh], Solved] | None = None,
+) -> Estimate:  # fmt: skip
     """Errors of the results of a state.
 
     Args:
@@ -52,20 +58,16 @@ def refined_estimate(solved: Solved, names: tuple[str, ...], change: MeshChange,
         names: results that the mesh is adapted to.
         change: to the mesh with all cells cut.
         problem: on that mesh.
+        from_start: solves it from the beginning of the path; it may raise NotReached. None for never.
 
     Raises:
         NotReached: there is no state on the refined mesh to begin with.
     """
-    start = start_on(solved, change, problem)
-    simulation, position = start.simulation, solved.position
-    solver, values, u = simulation.solver, solved.values(), start.u.copy()
-    before = solver.iterations_done
-    is_solved = converges(solver, u, MOST_ITERATIONS)
-    fine = Solved(problem, change.mesh, simulation, u if is_solved else start.u, position, "", 0)
-    comparison = _Comparison(solved, fine, change)
-    error = start.u.copy()
-    if is_solved:
-        error.axpy(-1.0, u)
+    fine, start, iterations = _refined(solved, change, problem, from_start)
+    values, comparison = solved.values(), _Comparison(solved, fine or start, change)
+    if fine is not None:
+        error = brought(solved, change, fine.simulation)
+        error.axpy(-1.0, fine.u)
         refined = fine.values()
         errors = {name: WHOLE * (refined[name] - value) for name, value in values.items() if name in refined}
     else:
@@ -74,11 +76,46 @@ def refined_estimate(solved: Solved, names: tuple[str, ...], change: MeshChange,
         values=values,
         errors={name: value for name, value in errors.items() if np.isfinite(value)},
         indicators={name: comparison.indicators(name, error) for name in names},
-        kind=SOLVED if is_solved else LINEARISED,
-        doubt="" if is_solved else CRUDE,
-        n_dofs=simulation.n_dofs,
-        iterations=solver.iterations_done - before,
+        kind=LINEARISED if fine is None else SOLVED,
+        doubt=CRUDE if fine is None else "",
+        n_dofs=start.simulation.n_dofs,
+        iterations=iterations,
     )
+
+
+def _refined(
+    solved: Solved, change: MeshChange, problem: OnMesh, from_start: Callable[[OnMesh], Solved] | None
+) -> tuple[Solved | None, Solved, int]:
+    """The state on the refined mesh, None if it was not found; where it was looked for from, which is as good as any
+    if it was found; and the iterations.
+
+    Raises:
+        NotReached: it was not found, and not even a state to linearise at that is like the one on the mesh before.
+    """
+    untangled, iterations = -1, 0
+    try:
+        start = start_on(solved, change, problem)
+    except NotReached as error:
+        reason = str(error)
+    else:
+        untangled, u, solver = start.untangled, start.u.copy(), start.simulation.solver
+        before = solver.iterations_done
+        is_solved = converges(solver, u, MOST_ITERATIONS)
+        iterations = solver.iterations_done - before
+        at_start = Solved(problem, change.mesh, start.simulation, start.u, solved.position, "", iterations)
+        if is_solved:
+            return replace(at_start, u=u), at_start, iterations
+        reason = f"the refined problem was not solved from a state with {untangled} cells that had to be untangled"
+    if from_start is not None and 4 * solved.simulation.n_dofs <= MOST_DOFS:
+        try:
+            fine = from_start(problem)
+        except NotReached:
+            pass
+        else:
+            return fine, fine, iterations + fine.iterations
+    if untangled:
+        raise NotReached(reason)
+    return None, at_start, iterations
 
 
 class _Comparison:

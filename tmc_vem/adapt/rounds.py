@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,7 +152,7 @@ class Rounds:
 
     def _round(self, standing: Standing) -> Standing | Finished:
         began, solved = time.perf_counter(), standing.solved
-        estimate, doubt = self._estimate(solved, standing.tree)
+        estimate, doubt = self._estimate(standing)
         round_ = Round(
             number=len(standing.rounds), load=solved.position.load, n_cells=solved.mesh.n_cells,
             n_dofs=solved.simulation.n_dofs, values=estimate.values if estimate else solved.values(),
@@ -195,15 +196,16 @@ class Rounds:
             return None, f"the next mesh could not be made: {error}"
         return _Following(chosen, moved), ""
 
-    def _estimate(self, solved: Solved, tree: CellTree) -> tuple[Estimate | None, str]:
+    def _estimate(self, standing: Standing) -> tuple[Estimate | None, str]:
         """Errors on a mesh, and what is to be said about them."""
-        names = self._settings.names
+        names, solved = self._settings.names, standing.solved
         if self._settings.estimator == RECOVERY:
             estimate = recovered_estimate(solved, names)
             return estimate, estimate.doubt
         try:
-            change = every_cell_cut(self._problem, solved.mesh, tree)
-            estimate = refined_estimate(solved, names, change, OnMesh(self._problem, change.mesh))
+            change = every_cell_cut(self._problem, solved.mesh, standing.tree)
+            problem = OnMesh(self._problem, change.mesh)
+            estimate = refined_estimate(solved, names, change, problem, partial(self._from_start, standing))
         except NotReached as error:
             estimate = recovered_estimate(solved, names)
             return estimate, f"{estimate.doubt}: {error}"
@@ -268,9 +270,17 @@ class Rounds:
         try:
             return carried(standing.solved, change, problem, nested=chosen.nested)
         except NotReached:
-            before = [standing.solved.iterations, *(each.iterations for each in standing.rounds)]
-            most = max(FEW, MORE * max(before))
-            return loaded(self._to_load(problem, standing.target, most), change.mesh)
+            return self._from_start(standing, problem)
+
+    def _from_start(self, standing: Standing, problem: OnMesh) -> Solved:
+        """Equilibrium at the load of a state on another mesh, gone to from the beginning.
+
+        Raises:
+            NotReached: there is none, or it takes many more iterations than on the meshes before.
+        """
+        before = [standing.solved.iterations, *(each.iterations for each in standing.rounds)]
+        most = max(FEW, MORE * max(before))
+        return loaded(self._to_load(problem, standing.target, most), problem.mesh)
 
 
 def _plain(options: RunOptions) -> RunOptions:
