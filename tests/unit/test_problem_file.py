@@ -402,7 +402,7 @@ def _value(value: Any) -> str:
 def test_examples_make_their_meshes(path: Path) -> None:
     problem, _ = read_problem(path)
     mesh = problem.make_mesh()
-    assert mesh.n_cells > {"blocks": 80, "patch": 60, "sliding_block": 150}.get(path.stem, 300)
+    assert mesh.n_cells > {"blocks": 80, "patch": 60, "sliding_block": 150, "cbox_pad": 200}.get(path.stem, 300)
     assert set(problem.table.points) <= set(mesh.named_points)
 
 
