@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
@@ -53,17 +53,8 @@ class StopRequest:
 def stop_requests(comm: Comm) -> Iterator[StopRequest]:
     """Catch SIGINT and SIGTERM for the length of a run (in the main thread; elsewhere nothing is caught)."""
     request = StopRequest(comm)
-    before: dict[int, Any] = {}
-    try:
-        for stop in (signal.SIGINT, signal.SIGTERM):
-            before[stop] = signal.signal(stop, request._remember)
-    except ValueError:  # not the main thread
-        pass
-    try:
+    with _handled_by(request._remember):
         yield request
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextmanager
@@ -79,14 +70,21 @@ def stopping_at_once() -> Iterator[None]:
     def stop(number: int, _frame: FrameType | None) -> None:
         raise Interrupted(number)
 
+    with _handled_by(stop):
+        yield
+
+
+@contextmanager
+def _handled_by(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """SIGINT and SIGTERM call a handler, in the main thread."""
     before: dict[int, Any] = {}
     try:
         for each in (signal.SIGINT, signal.SIGTERM):
-            before[each] = signal.signal(each, stop)
+            before[each] = signal.signal(each, handler)
     except ValueError:  # not the main thread
         pass
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number, usual in before.items():
+            signal.signal(number, usual)
