@@ -28,13 +28,14 @@ from tmc_vem.mesh.make.change import CellTree
 from tmc_vem.problems.base import Problem
 from tmc_vem.problems.on_mesh import OnMesh
 from tmc_vem.results.adaptivity import SOLVED
-from tmc_vem.results.contact.bump import Bump
 from tmc_vem.results.run_result import RunResult
 from tmc_vem.simulation.adapt_settings import AdaptSettings
 from tmc_vem.simulation.adaptable import fitted
 from tmc_vem.simulation.problem_file import read_problem
 
-PROBLEMS = Path(__file__).parents[1] / "demos" / "problems"
+DEMOS = Path(__file__).resolve().parents[1] / "demos"
+sys.path.insert(0, str(DEMOS))
+PROBLEMS = DEMOS / "problems"
 BOX = """
 name = "box_pad"
 gap = ["upper", "lower"]
@@ -118,24 +119,18 @@ def problem_of(case: Case, size: float | None = None) -> tuple[Problem, RunOptio
             problem, options = read_problem(path, changes)
     else:
         problem, options = read_problem(path, changes)
-    return (fitted(problem) if size is None else problem), options
+    return (fitted(problem)[0] if size is None else problem), options
 
 
 def pressures(result: RunResult) -> dict[str, float]:
     """Of line contact: mean pressure over the inner 15 % of Hertz' half width, and the peak of a fit."""
-    curves = result.traction()
-    mine = np.flatnonzero(curves.body_n == curves.bodies.index("block"))
-    mine = mine[np.argsort(curves.point_nx[mine, 0])]
-    x, p, w = curves.point_nx[mine, 0], curves.pressure_n[mine], curves.deformed_weight_n[mine]
+    from demo_hertz import analytic, fitted, pressure
+
     assert result.reaction is not None
-    half_width = math.sqrt(4.0 * -2.0 * result.reaction / (math.pi * 1000.0 / (2.0 * (1.0 - 0.3**2))))
+    x, p, _ = pressure(result, "block")
+    half_width = analytic(-2.0 * result.reaction)[0]
     mean = float(np.interp(np.linspace(0.0, 0.15 * half_width, 200), x, p).mean())
-    high = p > 0.5 * p.max()
-    both = [
-        np.concatenate([sign * values[high][::-1], values[high]]) for sign, values in ((-1.0, x), (1.0, p), (1.0, w))
-    ]
-    bump = Bump.fit(*both, low=-1.0, high=1.0)
-    return {"inner pressure": mean, "peak pressure": math.nan if bump is None else bump.pressure}
+    return {"inner pressure": mean, "peak pressure": fitted(result, "block").pressure}
 
 
 def summary(name: str, result: RunResult, seconds: float) -> dict[str, Any]:

@@ -63,8 +63,7 @@ def main() -> None:
         table.add_row(f"round {each.number}", str(each.n_dofs), f"{force:.5f}", said, f"{each.seconds:.1f}")
     row(table, "adapted, whole path", adapted, f"{100.0 * (adapted.adaptivity.last.relative('reaction') or 0.0):.3f} %")
 
-    start = fitted(problem)
-    mesh = start.make_mesh()
+    start, mesh = fitted(problem)
     tree = CellTree.of(mesh)
     uniform: list[RunResult] = []
     for _ in range(1 if arguments.quick else 3):

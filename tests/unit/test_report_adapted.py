@@ -16,7 +16,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm
 
 from tmc_vem import RunResult
-from tmc_vem.adapt.run import _drawn, run
+from tmc_vem.adapt.adaption import _drawn
+from tmc_vem.adapt.run import run
 from tmc_vem.cli.main import cli
 from tmc_vem.problems import Box
 from tmc_vem.report.adapted import adapted_sections

@@ -66,7 +66,7 @@ def next_mesh(
     level_c = levels_of(mesh, np.where(at_end, 0.0, contributions_c), error, tolerance)
     level_c = graded(mesh, level_c, tree.level_c, np.array([name in media for name in mesh.region_names]))
     n_refined = int((level_c > 0).sum())
-    if anew:
+    if anew and n_refined:
         assert isinstance(problem, OwnProblem)
         return NextMesh(remade(problem, mesh, level_c), n_refined, nested=False)
     change, curves = MeshChange(mesh, mesh.points_vx, np.arange(mesh.n_cells), tree), curves_of(problem)

@@ -19,6 +19,7 @@ gives the differences of those results that have derivatives.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -92,28 +93,26 @@ def _refined(
     Raises:
         NotReached: it was not found, and not even a state to linearise at that is like the one on the mesh before.
     """
-    untangled, iterations = -1, 0
+    at_start, reason, iterations = None, "", 0
     try:
         start = start_on(solved, change, problem)
     except NotReached as error:
         reason = str(error)
     else:
-        untangled, u, solver = start.untangled, start.u.copy(), start.simulation.solver
+        u, solver = start.u.copy(), start.simulation.solver
         before = solver.iterations_done
         is_solved = converges(solver, u, MOST_ITERATIONS)
         iterations = solver.iterations_done - before
         at_start = Solved(problem, change.mesh, start.simulation, start.u, solved.position, "", iterations)
         if is_solved:
             return replace(at_start, u=u), at_start, iterations
-        reason = f"the refined problem was not solved from a state with {untangled} cells that had to be untangled"
+        if start.untangled:
+            reason = f"the refined problem was not solved from a state with {start.untangled} cells untangled"
     if from_start is not None and 4 * solved.simulation.n_dofs <= MOST_DOFS:
-        try:
+        with suppress(NotReached):
             fine = from_start(problem)
-        except NotReached:
-            pass
-        else:
             return fine, fine, iterations + fine.iterations
-    if untangled:
+    if at_start is None or reason:
         raise NotReached(reason)
     return None, at_start, iterations
 

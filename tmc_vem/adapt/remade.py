@@ -12,6 +12,7 @@ from tmc_vem.mesh.geometry import areas, centroids
 from tmc_vem.mesh.make.change import CellTree, MeshChange
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.own import OwnProblem
+from tmc_vem.simulation.adaptable import fitted
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -37,7 +38,7 @@ def remade(problem: OwnProblem, mesh: PolygonMesh, level_c: Int) -> MeshChange:
         return found
 
     table = replace(problem.table, mesh=replace(problem.table.mesh, size=size, refine=()))
-    new = replace(problem, table=table).make_mesh()
+    new = fitted(replace(problem, table=table))[1]
     parent_c = tree.query(_places_and_widths(new)[0])[1]
     return MeshChange(new, new.points_vx, np.asarray(parent_c, dtype=np.int64), CellTree.of(new))
 

@@ -22,7 +22,7 @@ from tmc_vem.problems.base import Problem
 from tmc_vem.problems.on_mesh import OnMesh
 from tmc_vem.results.adaptivity import SOLVED, Round
 from tmc_vem.simulation.adapt_settings import ANEW, RECOVERY, AdaptSettings
-from tmc_vem.simulation.adaptable import ENERGY, REACTION
+from tmc_vem.simulation.adaptable import ENERGY, REACTION, fitted
 from tmc_vem.simulation.monitor import Monitor, OnTheWay
 from tmc_vem.simulation.options import RunOptions
 from tmc_vem.simulation.plan import loads_of
@@ -92,7 +92,7 @@ class _Following:
 class Watcher:
     """Hears of rounds; all methods may be overridden."""
 
-    def done(self, round_: Round, solved: Solved, estimate: Estimate | None) -> None:
+    def done(self, round_: Round, solved: Solved, estimate: Estimate) -> None:
         """A round is over."""
 
     def stands(self, standing: Standing) -> None:
@@ -124,7 +124,7 @@ class Rounds:
         Raises:
             InputError: something about the problem is wrong.
         """
-        mesh = self._problem.make_mesh()
+        mesh = fitted(self._problem)[1]
         return self._to_load(OnMesh(self._problem, mesh), 0, self._options.max_iterations), mesh
 
     def begin(self, first: Prepared | None = None) -> Standing:
@@ -152,16 +152,15 @@ class Rounds:
 
     def _round(self, standing: Standing) -> Standing | Finished:
         began, solved = time.perf_counter(), standing.solved
-        estimate, doubt = self._estimate(standing)
+        estimate = self._estimate(standing)
         round_ = Round(
             number=len(standing.rounds), load=solved.position.load, n_cells=solved.mesh.n_cells,
-            n_dofs=solved.simulation.n_dofs, values=estimate.values if estimate else solved.values(),
-            errors=dict(estimate.errors) if estimate else {}, estimate=estimate.kind if estimate else "", doubt=doubt,
-            found=solved.found, iterations=solved.iterations, before=standing.before,
-            refined_dofs=estimate.n_dofs if estimate else 0, refined_iterations=estimate.iterations if estimate else 0,
+            n_dofs=solved.simulation.n_dofs, values=estimate.values, errors=estimate.errors, estimate=estimate.kind,
+            doubt=estimate.doubt, found=solved.found, iterations=solved.iterations, before=standing.before,
+            refined_dofs=estimate.n_dofs, refined_iterations=estimate.iterations,
         )  # fmt: skip
         following, why = None, self._end_of_target(standing, round_, estimate)
-        if not why and estimate is not None:
+        if not why:
             following, why = self._following(standing, estimate)
         if following is not None:
             round_ = replace(round_, refined=following.chosen.n_refined)
@@ -196,25 +195,24 @@ class Rounds:
             return None, f"the next mesh could not be made: {error}"
         return _Following(chosen, moved), ""
 
-    def _estimate(self, standing: Standing) -> tuple[Estimate | None, str]:
-        """Errors on a mesh, and what is to be said about them."""
+    def _estimate(self, standing: Standing) -> Estimate:
+        """Errors on a mesh."""
         names, solved = self._settings.names, standing.solved
         if self._settings.estimator == RECOVERY:
-            estimate = recovered_estimate(solved, names)
-            return estimate, estimate.doubt
+            return recovered_estimate(solved, names)
         try:
             change = every_cell_cut(self._problem, solved.mesh, standing.tree)
             problem = OnMesh(self._problem, change.mesh)
-            estimate = refined_estimate(solved, names, change, problem, partial(self._from_start, standing))
+            return refined_estimate(solved, names, change, problem, partial(self._from_start, standing))
         except NotReached as error:
             estimate = recovered_estimate(solved, names)
-            return estimate, f"{estimate.doubt}: {error}"
-        return estimate, estimate.doubt
+            return replace(estimate, doubt=f"{estimate.doubt}: {error}")
 
-    def _end_of_target(self, standing: Standing, round_: Round, estimate: Estimate | None) -> str:
+    def _end_of_target(self, standing: Standing, round_: Round, estimate: Estimate) -> str:
         """Why no further round is made at this load; empty if one is."""
-        if estimate is None:
-            return round_.doubt
+        for name in self._settings.names:
+            if not np.isfinite(estimate.values[name]):
+                return f"'{name}' is no finite number there, and nothing can be adapted to it"
         if estimate.within(self._settings.names, self._settings.relative) and self._is_sure(standing, round_):
             return CONVERGED
         if standing.at_target >= self._settings.rounds:

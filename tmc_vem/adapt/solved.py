@@ -28,6 +28,7 @@ from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import TmcError
 from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.control import Control
+from tmc_vem.system.discretisation import FromNodes
 from tmc_vem.vem.system import VemSystem
 
 Float = NDArray[np.float64]
@@ -97,8 +98,7 @@ class Solved:
 
 def virtual_elements(simulation: Simulation) -> VemSystem:
     """The virtual elements of a discretisation, whatever is around them."""
-    found: VemSystem = cast("Any", simulation.system).virtual_elements
-    return found
+    return cast("VemSystem", simulation.system).virtual_elements
 
 
 def vector_of(simulation: Simulation, values_ni: Float, position: Control) -> Vec:
@@ -110,8 +110,7 @@ def vector_of(simulation: Simulation, values_ni: Float, position: Control) -> Ve
 
 def nodal_vector(simulation: Simulation, values_ni: Float) -> Vec:
     """A vector with values (n_nodes, 2) of the nodes along x and y."""
-    found: Vec = cast("Any", simulation.system).nodal_vector(values_ni)
-    return found
+    return cast("FromNodes", simulation.system).nodal_vector(values_ni)
 
 
 def held(simulation: Simulation) -> NDArray[np.bool_]:

@@ -8,11 +8,10 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, fields, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -23,15 +22,17 @@ from tmc_vem.adapt.rounds import Finished, Standing, Watcher
 from tmc_vem.adapt.solved import Solved, prepared
 from tmc_vem.mesh.files.io import write_mesh
 from tmc_vem.mesh.make.change import CellTree
-from tmc_vem.mesh.stored import mesh_arrays, mesh_of
+from tmc_vem.mesh.stored import DAMAGED, mesh_arrays, mesh_of
 from tmc_vem.problems.base import Problem, media_of
 from tmc_vem.problems.on_mesh import OnMesh
+from tmc_vem.results import unfinished
 from tmc_vem.results.adapted_rounds import ERROR_OF, round_file
 from tmc_vem.results.adaptivity import Round
 from tmc_vem.results.output import fields_of, polygons_of
 from tmc_vem.results.records import ADAPT, ADAPTED, ADAPTED_MESH, ADAPTED_PICTURE, PROBLEM
 from tmc_vem.results.unfinished import BEGUN, COMMAND, checkpoint_inputs, how_to_go_on
 from tmc_vem.results.vtu import VtuWriter
+from tmc_vem.simulation import adapted
 from tmc_vem.simulation.adapt_settings import AdaptSettings
 from tmc_vem.simulation.checkpoint import require_same_inputs
 from tmc_vem.simulation.monitor import Monitor
@@ -41,7 +42,7 @@ from tmc_vem.support.files import whole_file, write_atomically
 from tmc_vem.system.control import Control
 from tmc_vem.system.fields import write_pvd
 
-ROUNDS, STATE, MESH = "rounds.json", "state.npz", "mesh.npz"
+ROUNDS, STATE, MESH = PurePath(unfinished.ROUNDS).name, "state.npz", PurePath(adapted.MESH).name
 # What a run directory keeps when the run on the last mesh begins there; without the last two, which are written anew,
 # a run that is killed just then could not go on.
 KEPT = (ADAPT, ADAPTED, ADAPTED_MESH, ADAPTED_PICTURE, PROBLEM, BEGUN, COMMAND)
@@ -80,7 +81,7 @@ class RoundStore(Watcher):
                 with np.load(directory / MESH, allow_pickle=False) as file:
                     return Finished(mesh_of(file), rounds, **facts["finished"])
             return self._standing(facts["standing"], rounds)
-        except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
+        except DAMAGED as error:
             raise InputError(f"{directory} is damaged ({error}): run it again with --overwrite") from None
 
     def stands(self, standing: Standing) -> None:
@@ -119,7 +120,7 @@ class RoundStore(Watcher):
             if old.name != name:
                 old.unlink()
 
-    def done(self, round_: Round, solved: Solved, estimate: Estimate | None) -> None:
+    def done(self, round_: Round, solved: Solved, estimate: Estimate) -> None:
         """Draw a round for ParaView, and tell of it.
 
         Raises:
@@ -131,10 +132,10 @@ class RoundStore(Watcher):
         with self._writing():
             self._draw(round_, solved, estimate)
 
-    def _draw(self, round_: Round, solved: Solved, estimate: Estimate | None) -> None:
+    def _draw(self, round_: Round, solved: Solved, estimate: Estimate) -> None:
         assert self._directory is not None
         self._directory.mkdir(parents=True, exist_ok=True)
-        data = {} if estimate is None else {ERROR_OF + name: values for name, values in estimate.indicators.items()}
+        data = {ERROR_OF + name: values for name, values in estimate.indicators.items()}
         system = solved.simulation.system
         numbers = system.cell_numbers()
         made = fields_of(system, solved.u, polygons_of(system, media_of(self._problem)))

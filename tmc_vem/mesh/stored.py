@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 
 from tmc_vem.mesh.polygon import PolygonMesh
 
+# What reading such an archive raises where it is damaged.
+DAMAGED = (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile)
 _ARRAYS = ("points_vx", "cell_offsets", "cell_vertices", "region_c")
 _NAMES = "names"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.base import Problem, stages_of, with_friction
 from tmc_vem.problems.design_region import design_regions
 from tmc_vem.problems.mesh_tables import GRID
@@ -79,21 +80,19 @@ def targets_of(problem: Problem, options: RunOptions) -> tuple[float | None, ...
     return at if at[-1] == end else (*at, end)
 
 
-def fitted(problem: Problem) -> Problem:
-    """A problem whose shapes are too narrow for its cells somewhere, with cells that are fitted there; others as they
-    are.
+def fitted(problem: Problem) -> tuple[Problem, PolygonMesh]:
+    """A problem and its mesh; where its shapes are too narrow for its cells, with cells that are fitted there.
 
     Raises:
-        InputError: its mesh cannot be made for another reason.
+        InputError: the mesh cannot be made for another reason.
     """
-    if not isinstance(problem, OwnProblem) or not problem.table.shapes:
-        return problem
     try:
-        problem.make_mesh()
+        return problem, problem.make_mesh()
     except InputError:
+        if not isinstance(problem, OwnProblem) or not problem.table.shapes:
+            raise
         mesh = problem.table.mesh
         if mesh.fit or mesh.cells == GRID:
             raise
-        problem = replace(problem, table=replace(problem.table, mesh=replace(mesh, fit=True)))
-        problem.make_mesh()
-    return problem
+        other = replace(problem, table=replace(problem.table, mesh=replace(mesh, fit=True)))
+        return other, other.make_mesh()

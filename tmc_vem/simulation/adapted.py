@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tmc_vem.mesh.polygon import PolygonMesh
-from tmc_vem.mesh.stored import mesh_of
+from tmc_vem.mesh.stored import DAMAGED, mesh_of
 from tmc_vem.problems.base import Problem
 from tmc_vem.problems.on_mesh import OnMesh
 from tmc_vem.simulation.adapt_settings import AdaptSettings
@@ -34,6 +34,6 @@ def on_adapted_mesh(directory: Path, problem: Problem, options: RunOptions) -> t
     try:
         with np.load(directory / MESH, allow_pickle=False) as file:
             mesh = mesh_of(file)
-    except (OSError, KeyError, TypeError, ValueError) as error:
+    except DAMAGED as error:
         raise InputError(f"{directory / MESH} is damaged ({error}): run it again with --overwrite") from None
     return on_mesh(problem, mesh, options.adapt), replace(options, adapt=AdaptSettings())

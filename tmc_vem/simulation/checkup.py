@@ -145,12 +145,13 @@ def check(problem: Problem, options: RunOptions | None = None) -> Checkup:
         CodegenError: an energy is no function that kernels could be made of.
     """
     options = options or RunOptions()
-    if options.adapt.names:
+    is_adapted = bool(options.adapt.names)
+    if is_adapted:
         require_adaptable(problem, options)
-        problem, options = fitted(problem), replace(options, adapt=AdaptSettings())
+        options = replace(options, adapt=AdaptSettings())
     control_path(problem, options)
     _require_steps(options)
-    mesh = problem.make_mesh()
+    problem, mesh = fitted(problem) if is_adapted else (problem, problem.make_mesh())
     loads = loads_of(problem, options)
     cautions = examine(problem, mesh, (*loads, *options.output_loads))
     check_probes(problem.probes(), problem.prescribed(), tuple(problem.regions()))

@@ -323,3 +323,10 @@ class Discretisation(NonlinearSystem, PointSource, Protocol):
 
     def output_displacements(self, u: Vec) -> Float:
         """(n_points, 2) displacements of the polygons' points."""
+
+
+class FromNodes(Discretisation, Protocol):
+    """A discretisation whose vectors can be made of values of its nodes: one with virtual elements."""
+
+    def nodal_vector(self, values_ni: Float) -> Vec:
+        """A new vector with values (n_nodes, 2) along x and y of this rank's nodes."""

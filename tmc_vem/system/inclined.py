@@ -19,7 +19,7 @@ from tmc_vem.support.distributed import Mat, Vec
 from tmc_vem.support.petsc import PETSc
 from tmc_vem.system.constrained import Constrained
 from tmc_vem.system.control import Control
-from tmc_vem.system.discretisation import Discretisation, Evaluation
+from tmc_vem.system.discretisation import Discretisation, Evaluation, FromNodes
 from tmc_vem.system.friction import FrictionStates
 from tmc_vem.system.layout import DISPLACEMENT
 from tmc_vem.system.point_states import PointStates
@@ -177,7 +177,7 @@ class TurnedSystem:
 
     def nodal_vector(self, values_ni: Float) -> Vec:
         """A new vector with values (n_nodes, 2) along x and y of this rank's nodes, of virtual elements."""
-        vector: Vec = cast("Any", self._system).nodal_vector(values_ni)
+        vector = cast("FromNodes", self._system).nodal_vector(values_ni)
         self._turn_back(vector)
         return vector
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array, diags
 from scipy.sparse.linalg import splu
 
-from tmc_vem.vem.blocks import Block
+from tmc_vem.vem.cell_values import jacobians
 from tmc_vem.vem.system import VemSystem
 
 Float = NDArray[np.float64]
@@ -74,7 +74,8 @@ def untangled(
     Returns:
         None if that was not possible.
     """
-    inside_out = [_smallest(block, u_ni) <= least for block in system.blocks]
+    smallest_c = jacobians(system.blocks, system.distributed.mesh.n_cells, u_ni)[1]
+    inside_out = [smallest_c[block.cells] <= least for block in system.blocks]
     n_cells = sum(int(cells.sum()) for cells in inside_out)
     if not n_cells:
         return Untangled(u_ni, 0, 0.0)
@@ -92,16 +93,6 @@ def untangled(
             nodes_ca = block.batch.nodes_ca
             near_n[nodes_ca[near_n[nodes_ca].any(axis=1)].ravel()] = True
     return None
-
-
-def _smallest(block: Block, u_ni: Float) -> Float:
-    """Smallest J (n_cells,) at the quadrature points."""
-    found = np.empty(len(block.cells))
-    for chosen in block.chunks():
-        H = block.displacement_gradients(u_ni, chosen)
-        J = (1.0 + H[..., 0, 0]) * (1.0 + H[..., 1, 1]) - H[..., 0, 1] * H[..., 1, 0]
-        found[chosen] = J.min(axis=1)
-    return found
 
 
 @dataclass(frozen=True)
