@@ -14,6 +14,7 @@ from typing import Any
 from tmc_vem.mesh.cell_count import TRIANGLES, check_cells
 from tmc_vem.mesh.files import msh
 from tmc_vem.mesh.files.record import Reading, Record
+from tmc_vem.support.c_stdout import c_stdout_on_stderr
 from tmc_vem.support.environment import cells_allowed
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.optional import load
@@ -34,7 +35,8 @@ def read(path: Path, reading: Reading) -> Record:
     try:
         _open(gmsh, path)
         _check_curves(gmsh, cells_allowed())
-        gmsh.model.mesh.generate(2)
+        with c_stdout_on_stderr():  # quadrilaterals make gmsh print there, whatever it is told
+            gmsh.model.mesh.generate(2)
         with tempfile.TemporaryDirectory() as directory:
             written = Path(directory) / "model.msh"
             notes = write_model(gmsh, written)

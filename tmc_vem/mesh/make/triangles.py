@@ -18,6 +18,7 @@ from tmc_vem.mesh.make.far import meshed_near_origin
 from tmc_vem.mesh.make.outline import Point, Region, Size, Skeleton, evaluate_size, make_skeleton
 from tmc_vem.mesh.parts import with_names
 from tmc_vem.mesh.polygon import PolygonMesh
+from tmc_vem.support.c_stdout import c_stdout_on_stderr
 from tmc_vem.support.environment import cells_allowed
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.notes import say
@@ -58,7 +59,8 @@ def triangle_mesh(
         gmsh.option.setNumber("Mesh.Algorithm", FRONTAL_DELAUNAY)
         gmsh.option.setNumber("Mesh.RecombineAll", 1.0 if quadrilaterals else 0.0)
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-        gmsh.model.mesh.generate(2)
+        with c_stdout_on_stderr():  # quadrilaterals make gmsh print there, whatever it is told
+            gmsh.model.mesh.generate(2)
         mesh = from_gmsh_model()
     except InputError:
         raise
