@@ -7,8 +7,9 @@ import pytest
 from helpers_mesh import grid, hanging, mesh_of, non_convex, voronoi
 
 from tmc_vem.design.filters import Within, cone_filter, density_filter, helmholtz_filter
-from tmc_vem.design.masks import centroids_and_areas, in_box, in_circle, in_regions
+from tmc_vem.design.masks import in_box, in_circle, in_regions
 from tmc_vem.design.triangulation import triangulate
+from tmc_vem.mesh.cells import centroids_and_areas
 from tmc_vem.support.errors import InputError
 
 MESHES = {

@@ -10,10 +10,11 @@ from helpers_mesh import grid, voronoi
 
 from tmc_vem.design.filters import cone_filter, helmholtz_filter
 from tmc_vem.design.interpolation import Ramp, Simp
-from tmc_vem.design.masks import centroids_and_areas, in_box, in_circle
+from tmc_vem.design.masks import in_box, in_circle
 from tmc_vem.design.projection import Projection
 from tmc_vem.design.symmetry import Mirror, orbits
 from tmc_vem.design.variables import parametrise
+from tmc_vem.mesh.cells import centroids_and_areas
 from tmc_vem.mesh.make.weld import weld
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.errors import InputError

@@ -11,7 +11,7 @@ from helpers_design import cantilever
 from numpy.typing import NDArray
 
 from tmc_vem import run
-from tmc_vem.design.masks import centroids_and_areas
+from tmc_vem.mesh.cells import centroids_and_areas
 from tmc_vem.problems.stiffness_file import StiffnessOfFile, write_stiffness
 from tmc_vem.simulation import prepare
 from tmc_vem.simulation.problem_file import problem_text, read_problem

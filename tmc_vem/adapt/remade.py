@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tmc_vem.mesh.geometry import areas, centroids
+from tmc_vem.mesh.cells import centroids_and_areas
 from tmc_vem.mesh.make.change import CellTree, MeshChange
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.own import OwnProblem
@@ -30,8 +30,8 @@ def remade(problem: OwnProblem, mesh: PolygonMesh, level_c: Int) -> MeshChange:
     Raises:
         InputError: the mesh cannot be made.
     """
-    center_cx, width_c = _places_and_widths(mesh)
-    tree, wanted_c = cKDTree(center_cx), SIZE * width_c / 2.0**level_c
+    center_cx, area_c = centroids_and_areas(mesh)
+    tree, wanted_c = cKDTree(center_cx), SIZE * np.sqrt(area_c) / 2.0**level_c
 
     def size(points_nx: Float) -> Float:
         found: Float = wanted_c[tree.query(points_nx)[1]]
@@ -39,14 +39,5 @@ def remade(problem: OwnProblem, mesh: PolygonMesh, level_c: Int) -> MeshChange:
 
     table = replace(problem.table, mesh=replace(problem.table.mesh, size=size, refine=()))
     new = fitted(replace(problem, table=table))[1]
-    parent_c = tree.query(_places_and_widths(new)[0])[1]
+    parent_c = tree.query(centroids_and_areas(new)[0])[1]
     return MeshChange(new, new.points_vx, np.asarray(parent_c, dtype=np.int64), CellTree.of(new))
-
-
-def _places_and_widths(mesh: PolygonMesh) -> tuple[Float, Float]:
-    """Centroids (n_cells, 2), and roots (n_cells,) of the areas."""
-    center_cx, width_c = np.empty((mesh.n_cells, 2)), np.empty(mesh.n_cells)
-    for _, cells, vertices_cv in mesh.cells_by_size():
-        polygons = mesh.points_vx[vertices_cv]
-        center_cx[cells], width_c[cells] = centroids(polygons), np.sqrt(areas(polygons))
-    return center_cx, width_c

@@ -9,8 +9,8 @@ import numpy as np
 from mpi4py import MPI
 
 from tmc_vem.design.evaluator import CELLS_OF_FILTER, Evaluator
-from tmc_vem.design.masks import centroids_and_areas
 from tmc_vem.design.projection import Continuation
+from tmc_vem.mesh.cells import centroids_and_areas
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.simulation.options import RunOptions
 

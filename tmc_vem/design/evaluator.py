@@ -13,10 +13,11 @@ from tmc_vem.design.evaluation import Evaluation
 from tmc_vem.design.filters import Filter, Within, density_filter
 from tmc_vem.design.interpolation import Interpolation, Ramp, Simp
 from tmc_vem.design.load_case import SAME, LoadCase, Solved
-from tmc_vem.design.masks import centroids_and_areas, in_box, in_circle, in_regions
+from tmc_vem.design.masks import in_box, in_circle, in_regions
 from tmc_vem.design.projection import Projection
 from tmc_vem.design.symmetry import Mirror
 from tmc_vem.design.variables import Parametrisation, parametrise
+from tmc_vem.mesh.cells import centroids_and_areas
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.description import ProblemTable
 from tmc_vem.problems.design_region import design_regions

@@ -23,7 +23,7 @@ from tmc_vem.design.outline_clean import cleaned
 from tmc_vem.design.outline_domain import Domain, vertex_places
 from tmc_vem.design.outline_faces import faces_by_name, regions_of
 from tmc_vem.design.outline_smooth import Smoother
-from tmc_vem.mesh.geometry import areas
+from tmc_vem.mesh.cells import centroids_and_areas
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.description import MediumTable, ProblemTable, RegionTable
 from tmc_vem.problems.materials import Material
@@ -307,4 +307,4 @@ def _renamed(
 
 def _area(mesh: PolygonMesh, names: Sequence[str]) -> float:
     chosen = np.isin(mesh.region_c, [mesh.region_names.index(name) for name in names if name in mesh.region_names])
-    return float(sum(areas(mesh.points_vx[loops])[chosen[cells]].sum() for _, cells, loops in mesh.cells_by_size()))
+    return float(centroids_and_areas(mesh)[1][chosen].sum())

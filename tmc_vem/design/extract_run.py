@@ -17,8 +17,8 @@ from tmc_vem.design.extract_files import write_extracted
 from tmc_vem.design.extract_options import ExtractOptions
 from tmc_vem.design.extract_page import write_outlines
 from tmc_vem.design.final import final_problems
-from tmc_vem.design.masks import centroids_and_areas
 from tmc_vem.design.outlined import Outlined
+from tmc_vem.mesh.cells import centroids_and_areas
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.problems.stiffness_file import densities_at

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-from tmc_vem.design.masks import centroids_and_areas
 from tmc_vem.design.triangulation import triangulate
+from tmc_vem.mesh.cells import centroids_and_areas
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import require_choice, require_positive

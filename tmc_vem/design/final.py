@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.design.evaluator import Evaluator
-from tmc_vem.design.masks import centroids_and_areas
+from tmc_vem.mesh.cells import centroids_and_areas
 from tmc_vem.problems.own import OwnProblem
 from tmc_vem.problems.stiffness_file import write_stiffness
 from tmc_vem.results.design_run import FINAL, STIFFNESS

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.mesh.geometry import areas, centroids
+from tmc_vem.mesh.cells import centroids_and_areas
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.validation import require_finite, require_known, require_positive
@@ -20,15 +20,6 @@ Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
 TIE = 1e-6  # a centroid is on a border if it is this fraction of the cell's size off it
-
-
-def centroids_and_areas(mesh: PolygonMesh) -> tuple[Float, Float]:
-    """Centroids (n_cells, 2) and areas (n_cells,) of all cells."""
-    center_cx, area_c = np.empty((mesh.n_cells, 2)), np.empty(mesh.n_cells)
-    for _, cells, vertices in mesh.cells_by_size():
-        polygons = mesh.points_vx[vertices]
-        center_cx[cells], area_c[cells] = centroids(polygons), areas(polygons)
-    return center_cx, area_c
 
 
 def in_regions(mesh: PolygonMesh, names: Iterable[str]) -> Bool:

@@ -15,9 +15,9 @@ from scipy.optimize import brentq
 
 from tmc_vem.design.filters import Filter, NoFilter
 from tmc_vem.design.interpolation import Interpolation, Simp
-from tmc_vem.design.masks import centroids_and_areas
 from tmc_vem.design.projection import Projection
 from tmc_vem.design.symmetry import Mirror, orbits
+from tmc_vem.mesh.cells import centroids_and_areas
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.errors import InputError
 

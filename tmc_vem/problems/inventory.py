@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.mesh.geometry import areas
+from tmc_vem.mesh.cells import centroids_and_areas
 from tmc_vem.mesh.interface import Interface, body_numbers, interface, solid_angles
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.mesh.rigid import part_numbers, without_rounding
@@ -110,9 +110,7 @@ def count_regions(mesh: PolygonMesh, order: int, inside: int) -> list[RegionCoun
         order: of the elements, which have ``order - 1`` nodes on an edge.
         inside: nodes of each cell that no other has.
     """
-    area_c = np.zeros(mesh.n_cells)
-    for _, cells, loops in mesh.cells_by_size():
-        area_c[cells] = areas(mesh.points_vx[loops])
+    area_c = centroids_and_areas(mesh)[1]
     found = []
     for number, name in enumerate(mesh.region_names):
         chosen = mesh.region_c == number

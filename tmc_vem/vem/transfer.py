@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tmc_vem.mesh.cells import centroids_and_areas
 from tmc_vem.mesh.geometry import areas, centroids, diameters
-from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.vem.polygons import node_points
 from tmc_vem.vem.spaces import monomials
 from tmc_vem.vem.spaces.quadrature import sub_triangles, triangle
@@ -66,7 +66,7 @@ class _Source:
     def __init__(self, system: VemSystem, u_ni: Float) -> None:
         self._system, self._u_ni = system, u_ni
         mesh = system.distributed.mesh
-        self._area_c = cell_areas(mesh)
+        self._area_c = centroids_and_areas(mesh)[1]
         self._local = np.argsort(system.distributed.cell_ids)
         self._block_c, self._position_c = np.empty((2, mesh.n_cells), dtype=np.int64)
         for number, block in enumerate(system.blocks):
@@ -120,14 +120,6 @@ class _Source:
             basis_cqa = points_and_values(polygons, order, xi)[1]
             values[chosen] = basis_cqa @ self._u_ni[block.batch.nodes_ca[position]]
         return values
-
-
-def cell_areas(mesh: PolygonMesh) -> Float:
-    """Areas (n_cells,) of all cells."""
-    area_c = np.empty(mesh.n_cells)
-    for _, cells, vertices_cv in mesh.cells_by_size():
-        area_c[cells] = areas(mesh.points_vx[vertices_cv])
-    return area_c
 
 
 def _points(triangles_ctpx: Float, degree: int) -> tuple[Float, Float]:

@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.mesh.geometry import areas, centroids, star_shaped_about
+from tmc_vem.mesh.cells import centroids_and_areas
+from tmc_vem.mesh.geometry import centroids, star_shaped_about
 from tmc_vem.mesh.make.change import VALIDATED, CellTree, MeshChange, check_limits, marked_cells
 from tmc_vem.mesh.make.loops import Loops, joined
 from tmc_vem.mesh.polygon import PolygonMesh
@@ -230,9 +231,7 @@ def _means(mesh: PolygonMesh, values: Float, place_c: Int, first: Int) -> Float:
     place = place_c[members]
     if (values[members] == values[first[place]]).all():
         return values
-    area = np.empty(mesh.n_cells)
-    for _, cells, vertices in mesh.cells_by_size():
-        area[cells] = areas(mesh.points_vx[vertices])
+    area = centroids_and_areas(mesh)[1]
     differs = np.bincount(place, values[members] != values[first[place]], len(first)) > 0
     mean = np.bincount(place, (area * values)[members]) / np.bincount(place, area[members])
     result = values.copy()
