@@ -32,7 +32,6 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
     from mpi4py import MPI
 
     from tmc_vem.adapt.run import run
-    from tmc_vem.cli.progress import ConsoleMonitor, print_summary
     from tmc_vem.report.tables import stopped
     from tmc_vem.results.unfinished import how_to_go_on
     from tmc_vem.simulation.monitor import Monitor
@@ -40,7 +39,11 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
 
     silent = options["quiet"] or options["as_json"]
     on_root = MPI.COMM_WORLD.rank == 0
-    monitor: Monitor = Monitor() if silent or not on_root else ConsoleMonitor()
+    monitor = Monitor()
+    if on_root and not silent:  # what draws on a terminal takes time to load
+        from tmc_vem.cli.progress import ConsoleMonitor, print_summary
+
+        monitor = ConsoleMonitor()
     context = click.get_current_context()
     result = run(
         problem,
@@ -53,7 +56,7 @@ def execute(problem: Any, settings: Any, options: dict[str, Any]) -> None:
     if on_root:
         if options["as_json"]:
             sys.stdout.write(result.to_json())
-        elif not options["quiet"]:
+        elif not silent:
             print_summary(result)
     if not result.complete:
         kept = f"; steps up to there are in {result.directory}" if result.directory and result.history else ""

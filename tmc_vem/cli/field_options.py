@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import types
 import typing
 from collections.abc import Callable, Iterable
@@ -33,7 +34,7 @@ def setting(
     assert said is not None, f"{cls.__name__}.{name} is no setting"
     default = given.pop("default", field.default)
     made: dict[str, Any] = {}
-    kind = _kind(typing.get_type_hints(cls)[name])
+    kind = _kind(_hints(cls)[name])
     if kind is bool:
         made["is_flag"] = True
     elif said.choices:
@@ -50,6 +51,12 @@ def setting(
     text = said.text[0].lower() + said.text[1:] if before else said.text
     made["help"] = " ".join(part for part in (before, text, after, none) if part)
     return click.Option(list(flags) or [f"--{name.replace('_', '-')}"], **made | given)
+
+
+@functools.cache
+def _hints(cls: Any) -> dict[str, Any]:
+    """Annotations of a class; they are strings, which take time to resolve."""
+    return typing.get_type_hints(cls)
 
 
 def _kind(hint: Any) -> Any:

@@ -11,13 +11,13 @@ keep meshio from reading the file.
 from __future__ import annotations
 
 import base64
+import html
 import sys
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,7 +154,7 @@ def _array(name: str, values: NDArray[Any], level: int, unit: str = "", named: s
     blocks = [zlib.compress(plain[start : start + BLOCK], level) for start in range(0, len(plain), BLOCK)]
     head = np.array([len(blocks), BLOCK, len(plain) % BLOCK, *map(len, blocks)], np.uint64)
     text = base64.b64encode(head.tobytes()) + base64.b64encode(b"".join(blocks))
-    return _Array(f'type="{TYPES[values.dtype.str[1:]]}" Name={quoteattr(name)}{components}', unit, text)
+    return _Array(f'type="{TYPES[values.dtype.str[1:]]}" Name="{html.escape(name)}"{components}', unit, text)
 
 
 def _in_space(plane: NDArray[np.float64]) -> NDArray[np.float64]:
