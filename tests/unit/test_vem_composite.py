@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from helpers_mesh import SHAPES, subdivide
 
+from tmc_vem.mesh import PolygonMesh
 from tmc_vem.vem.spaces import monomials, triangulation
 from tmc_vem.vem.spaces.composite import CompositeSpace
-from tmc_vem.vem.spaces.potential import gradient_of_potential, potential_of_gradient
+from tmc_vem.vem.spaces.element import build_elements
+from tmc_vem.vem.spaces.element_settings import ElementSettings
 from tmc_vem.vem.spaces.projector import edge_basis, moments_of_basis
-from tmc_vem.vem.spaces.quadrature import sub_triangles, triangle
-from tmc_vem.vem.spaces.spaces import Shapes
+from tmc_vem.vem.spaces.quadrature import PieceRule, sub_triangles, triangle
+from tmc_vem.vem.spaces.spaces import FullSpace, Shapes
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 POLYGONS = {**SHAPES, "three hanging nodes on two sides": subdivide(SQUARE, [4, 4, 1, 1])}
@@ -91,24 +93,54 @@ def test_the_gradient_is_that_of_the_minimiser(name, k):
     polygon = np.array(POLYGONS[name], dtype=float)
     polygons = np.stack([polygon, polygon * [1.7, 0.8] @ np.array([[0.8, 0.6], [-0.6, 0.8]]) + [3.0, -1.0]])
     shapes = shapes_of(polygons, k)
-    gradients = CompositeSpace(k).gradients(shapes).first_stxma
-    xi = shapes.scaled_points(BARYCENTRIC).reshape(2, -1, len(BARYCENTRIC), 2)
+    rows = CompositeSpace(k).gradients(shapes).rows_of_rule(PieceRule(BARYCENTRIC, np.full(4, 0.25)))
+    rows = rows.reshape(2, -1, len(BARYCENTRIC), 2, shapes.n_basis)
     for s, one in enumerate(polygons):
-        m = monomials.values(k, xi[s])
-        found = np.moveaxis(m[:, None] @ gradients[s], 1, 2) * shapes.geometry.diameter_c[s]
+        found = rows[s] * shapes.geometry.diameter_c[s]
         expected, rounding = gradient_by_definition(one, k)
         assert np.abs(found - expected).max() < 10 * rounding * np.abs(expected).max()
 
 
-def test_powers_of_affine_functions():
-    linear = np.random.default_rng(1).normal(size=(3, 2, 5))
-    points = np.random.default_rng(2).normal(size=(5, 7, 2))
-    s, t = (linear[0, p, :, None] + points[..., 0] * linear[1, p, :, None] + points[..., 1] * linear[2, p, :, None]
-            for p in (0, 1))  # fmt: skip
-    powers = triangulation.affine_powers(4, linear)
-    expected = monomials.values(4, np.stack([s, t], axis=-1))
-    found = np.einsum("jmn,nqm->nqj", powers, monomials.values(4, points))
-    assert found == pytest.approx(expected, abs=1e-9)
+@pytest.mark.parametrize("name", POLYGONS)
+@pytest.mark.parametrize("k", [2, 3])
+def test_values_rows_and_polynomials_say_the_same(name, k):
+    """At points given by coordinates, at those of a rule, and for displacements instead of the basis."""
+    rng = np.random.default_rng(k)
+    polygon = np.array(POLYGONS[name], dtype=float)
+    shapes = shapes_of(np.stack([polygon, 3.0 * polygon @ np.array([[0.8, 0.6], [-0.6, 0.8]])]), k)
+    gradients, h_s = CompositeSpace(k).gradients(shapes), shapes.geometry.diameter_c
+    rule = PieceRule(BARYCENTRIC, np.full(4, 0.25))
+    xi, piece_q = shapes.scaled_points(BARYCENTRIC), np.repeat(np.arange(gradients.n_pieces), len(BARYCENTRIC))
+    by_rule, everywhere = gradients.rows_of_rule(rule), gradients.rows(h_s, xi, piece_q)
+    size = np.abs(by_rule).max()
+    np.testing.assert_allclose(everywhere[:, :, :2], by_rule, rtol=0, atol=1e-12 * size)
+    u = rng.normal(size=(2, shapes.n_basis, 2))
+    found = (gradients.values(xi) @ gradients.polynomials(u)).reshape(2, len(piece_q), 2, 2)
+    np.testing.assert_allclose(found, by_rule @ u[:, None], rtol=0, atol=1e-11 * size)
+    taken = gradients.take(np.array([1]))
+    np.testing.assert_array_equal(taken.rows_of_rule(rule), by_rule[1:])
+    assert taken.nbytes == 8 * (taken.inside_sba.size + taken.corners_sdx.size + taken.second_sxma.size)
+    with pytest.raises(ValueError, match="equally many points"):
+        gradients.rows(h_s, xi, piece_q[::-1])
+
+
+def test_second_gradients_are_those_of_the_smooth_field():
+    shapes = shapes_of(np.array([POLYGONS["L"]], dtype=float), 2)
+    gradients, h_s = CompositeSpace(2).gradients(shapes), shapes.geometry.diameter_c
+    xi, piece_q = shapes.scaled_points(BARYCENTRIC), np.repeat(np.arange(gradients.n_pieces), len(BARYCENTRIC))
+    smooth = FullSpace(2).gradients(shapes).rows(h_s, xi, np.zeros_like(piece_q))
+    np.testing.assert_allclose(gradients.rows(h_s, xi, piece_q)[:, :, 2:], smooth[:, :, 2:], atol=1e-12)
+
+
+def test_coefficients_on_the_boundary_depend_on_one_side():
+    """A vertex on itself, what lies on a side on the values of that side: what kernels read is the whole matrix."""
+    for k in (2, 3):
+        topology = CompositeSpace(k).gradients(shapes_of(np.array([SQUARE]), k)).topology
+        node_bj, value_bj = topology.traces
+        again = np.zeros_like(topology.known_ba)
+        np.add.at(again, (np.arange(len(node_bj))[:, None], node_bj), value_bj)
+        np.testing.assert_array_equal(again, topology.known_ba)
+        assert ((value_bj != 0.0).sum(axis=1)[:4] == 1).all()
 
 
 def test_clipped_ears_are_told_apart():
@@ -119,19 +151,16 @@ def test_clipped_ears_are_told_apart():
     polygons = np.stack([polygon, polygon[np.roll(np.arange(len(polygon)), 3)], moved])
     shapes = shapes_of(polygons, 2)
     assert len(triangulation.equal_topologies(shapes.polygons_cvx, shapes.triangles_ctpx)) > 1
-    together = CompositeSpace(2).gradients(shapes).first_stxma
-    for s in range(len(polygons)):
-        alone = CompositeSpace(2).gradients(shapes_of(polygons[s : s + 1], 2)).first_stxma
-        np.testing.assert_allclose(together[s : s + 1], alone, rtol=0, atol=1e-12 * np.abs(alone).max())
-
-
-@pytest.mark.parametrize("k", [2, 3])
-def test_gradients_have_a_potential_on_every_sub_triangle(k):
-    """So blocks keep that potential: what they give back is the gradient."""
-    for polygon in POLYGONS.values():
-        shapes = shapes_of(np.array([polygon], dtype=float), k)
-        gradients, h = CompositeSpace(k).gradients(shapes), shapes.geometry.diameter_c
-        assert gradients.has_potential
-        first = gradients.first_stxma
-        again = gradient_of_potential(potential_of_gradient(first, h), h)
-        np.testing.assert_allclose(again, first, rtol=0, atol=1e-10 * np.abs(first).max())
+    with pytest.raises(ValueError, match="hang together in"):
+        CompositeSpace(2).gradients(shapes)
+    cells = np.arange(polygons.shape[0] * polygons.shape[1]).reshape(len(polygons), -1)
+    apart = polygons + np.array([0.0, 20.0, 40.0])[:, None, None]
+    mesh = PolygonMesh.from_cells(apart.reshape(-1, 2), cells.tolist())
+    groups = build_elements(mesh, ElementSettings(projection="composite"))
+    assert len(groups) > 1
+    for group in groups:
+        for c, s in zip(group.cells, group.shape_c, strict=True):
+            alone = CompositeSpace(2).gradients(shapes_of(polygons[c : c + 1], 2))
+            found = group.tables.gradients.take(np.array([s]))
+            assert found.topology is alone.topology
+            np.testing.assert_allclose(found.inside_sba, alone.inside_sba, rtol=0, atol=1e-10)

@@ -14,7 +14,7 @@ from tmc_vem.vem.spaces.composite import CompositeSpace
 from tmc_vem.vem.spaces.element import build_elements
 from tmc_vem.vem.spaces.element_settings import ElementSettings
 from tmc_vem.vem.spaces.macro import MacroSpace
-from tmc_vem.vem.spaces.quadrature import on_triangles, sub_triangles, triangle
+from tmc_vem.vem.spaces.quadrature import on_triangles, sub_triangles
 from tmc_vem.vem.spaces.rules import on_sub_triangles
 from tmc_vem.vem.spaces.spaces import FullSpace, HarmonicSpace, Shapes, harmonic_fields
 from tmc_vem.vem.spaces.stability import elastic_tangent, stability_constants
@@ -42,7 +42,7 @@ def rows_of(polygon, k, space, quadrature=None):
     geometry = shapes.geometry
     xi = (points - geometry.centroid_cx[:, None]) / geometry.diameter_c[:, None, None]
     piecewise = space.piecewise_degree is not None
-    pieces = np.repeat(np.arange(triangles.shape[1]) * piecewise, len(triangle(quadrature)[0]))
+    pieces = np.repeat(np.arange(triangles.shape[1]) * piecewise, weights.shape[1] // triangles.shape[1])
     return space.gradients(shapes).rows(geometry.diameter_c, xi, pieces)[0], points[0], weights[0]
 
 

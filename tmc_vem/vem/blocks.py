@@ -19,11 +19,13 @@ from tmc_vem.vem.kernel.batch import CellBatch
 from tmc_vem.vem.kernel.cells import CellKernel
 from tmc_vem.vem.kernel.friction_packs import FrictionPacks
 from tmc_vem.vem.kernel.packs import Packs
+from tmc_vem.vem.kernel.pieces import Pieces
 from tmc_vem.vem.spaces import monomials
 from tmc_vem.vem.spaces.element import ElementGroup
-from tmc_vem.vem.spaces.potential import potential_of_gradient
+from tmc_vem.vem.spaces.piecewise import PiecewiseGradients
 from tmc_vem.vem.spaces.projector import n_translated_dofs
-from tmc_vem.vem.spaces.spaces import Gradients
+from tmc_vem.vem.spaces.spaces import Gradients, ProjectedGradients
+from tmc_vem.vem.spaces.tabulated import Tables
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -85,21 +87,19 @@ class Block:
 
     def weights(self, chosen: slice = slice(None)) -> Float:
         """Quadrature weights (n_cells, n_points)."""
-        weights: Float = self.batch.w_sq[self.batch.shape_c[chosen]]
-        return weights
+        shapes, position = np.unique(self.batch.shape_c[chosen], return_inverse=True)
+        return self.batch.points(shapes)[1][position]
 
     def scaled_points(self, chosen: slice = slice(None)) -> Float:
         """Quadrature points (n_cells, n_points, 2) in scaled coordinates."""
-        points: Float = self.batch.xi_sqx[self.batch.shape_c[chosen]]
-        return points
+        shapes, position = np.unique(self.batch.shape_c[chosen], return_inverse=True)
+        return self.batch.points(shapes)[0][position]
 
     def rows(self, n_rows: int, chosen: slice = slice(None)) -> Float:
         """Derivatives (n_cells, n_points, n_rows, n_basis) of the projected basis; 6 only if the energy has G."""
         shapes, position = np.unique(self.batch.shape_c[chosen], return_inverse=True)
-        gradients = Gradients(*self.batch.coefficients(shapes))
-        h_s, xi_sqx = 1.0 / self.batch.inverse_h_s[shapes], self.batch.xi_sqx[shapes]
-        rows: Float = gradients.rows(h_s, xi_sqx, self.batch.piece_q, n_rows)[position]
-        return rows
+        h_s, xi_sqx = 1.0 / self.batch.inverse_h_s[shapes], self.batch.points(shapes)[0]
+        return self.batch.gradients(shapes).rows(h_s, xi_sqx, self.batch.piece_q, n_rows)[position]
 
     def displacement_gradients(self, u_ni: Float, chosen: slice = slice(None)) -> Float:
         """Projected gradients (n_cells, n_points, 2, 2) at displacements (n_nodes, 2) of the nodes; [..., x, i] is the
@@ -109,29 +109,21 @@ class Block:
         """
         shapes, position = np.unique(self.batch.shape_c[chosen], return_inverse=True)
         position = position if len(shapes) > 1 else np.zeros(1, dtype=np.int64)  # one shape is not copied for each cell
-        polynomials = self._polynomials(u_ni[self.batch.nodes_ca[chosen]], shapes, position)
-        return self._at(polynomials, self.batch.xi_sqx[shapes], position)
+        gradients = self.batch.gradients(shapes)
+        values = gradients.values(self.batch.points(shapes)[0])[position]
+        return self._at(gradients.take(position), u_ni[self.batch.nodes_ca[chosen]], values)
 
     def gradients_at(self, u_ni: Float, cells: Int, xi_cqx: Float) -> Float:
         """The same at other points (n_cells, n_points, 2), in scaled coordinates, of the cells at some positions; where
         the gradient has pieces, as many points in each, one after the other."""
-        shapes, position = np.unique(self.batch.shape_c[cells], return_inverse=True)
-        return self._at(self._polynomials(u_ni[self.batch.nodes_ca[cells]], shapes, position), xi_cqx, slice(None))
+        gradients = self.batch.gradients(self.batch.shape_c[cells])
+        return self._at(gradients, u_ni[self.batch.nodes_ca[cells]], gradients.values(xi_cqx))
 
-    def _polynomials(self, u_cai: Float, shapes: Int, position: Int) -> Float:
-        """Coefficients (n_cells, n_pieces, n_monomials, 4) of the displacement's projected gradients."""
-        coefficients = self.batch.coefficients(shapes)[0]
-        _, n_pieces, _, n_monomials, n_basis = coefficients.shape
-        by_direction = np.moveaxis(coefficients, 3, 2).reshape(len(shapes), -1, n_basis)  # pieces, monomials, x
-        return (by_direction[position] @ u_cai).reshape(len(u_cai), n_pieces, n_monomials, 4)
-
-    def _at(self, polynomials: Float, xi_sqx: Float, position: Int | slice) -> Float:
-        """Values (n_cells, n_points, 2, 2) of such polynomials at points of shapes."""
-        n_cells, n_pieces, n_monomials, _ = polynomials.shape
-        at_points = monomials.values(monomials.degree_of(n_monomials), xi_sqx)
-        at_points = at_points.reshape(len(xi_sqx), n_pieces, -1, n_monomials)
-        gradients: Float = (at_points[position] @ polynomials).reshape(n_cells, -1, 2, 2)
-        return gradients
+    @staticmethod
+    def _at(gradients: ProjectedGradients, u_cai: Float, values_ctqm: Float) -> Float:
+        """Gradients (n_cells, n_points, 2, 2) from the values of their polynomials at points."""
+        at_points: Float = (values_ctqm @ gradients.polynomials(u_cai)).reshape(len(u_cai), -1, 2, 2)
+        return at_points
 
 
 def make_blocks(
@@ -147,7 +139,9 @@ def make_blocks(
     found: dict[tuple[object, ...], _Gatherer] = {}
     for group in groups:
         region = distributed.mesh.region_names[group.region]
-        key = (group.region, group.n_sides, group.projection, group.tables.piece_q.tobytes())
+        gradients = group.tables.gradients
+        pieces = gradients.topology.corners_tp.tobytes() if isinstance(gradients, PiecewiseGradients) else b""
+        key = (group.region, group.n_sides, group.projection, group.tables.piece_q.tobytes(), pieces)
         if key not in found:
             found[key] = _Gatherer(region, kernels[region], group)
         found[key].add(group)
@@ -164,6 +158,13 @@ def resisting_forces(blocks: Iterable[Block], u_ni: Float, chosen_c: NDArray[np.
     return total
 
 
+def _pieces(tables: Tables) -> Pieces | None:
+    if not isinstance(tables.gradients, PiecewiseGradients):
+        return None
+    assert tables.on_pieces is not None, "piecewise polynomials take rules of sub-triangles"
+    return Pieces(tables.gradients.topology, tables.on_pieces)
+
+
 class _Gatherer:
     """A block whose groups come one after the other.
 
@@ -178,23 +179,25 @@ class _Gatherer:
         self._cells: list[Int] = []
         self._shape_c: list[NDArray[np.int32]] = []
         self._n_shapes = 0
-        self._packs = [Packs(group.most_shapes, values.shape[1:]) for values in self._values(group)]
+        values = self._values(group)
+        self._packs = {name: Packs(group.most_shapes, of.shape[1:]) for name, of in values.items()}
 
-    def _values(self, group: ElementGroup) -> list[Float]:
-        """Weights, points, inverse scales, gradients or potentials, and the second gradient if it is another."""
-        tables = group.tables
-        first = tables.gradients.first_stxma
-        if tables.gradients.has_potential:
-            first = potential_of_gradient(first, tables.h_s)
-        values = [tables.w_sq, tables.xi_sqx, 1.0 / tables.h_s, first]
-        if self._energy.kernel.uses_second_gradient and not tables.gradients.shared:
-            values.append(tables.gradients.second_sxma)
+    def _values(self, group: ElementGroup) -> dict[str, Float]:
+        """Values of the shapes by the names that they have in a batch, without the ``_sp``."""
+        tables, gradients = group.tables, group.tables.gradients
+        values = {"inverse_h": 1.0 / tables.h_s}
+        if isinstance(gradients, PiecewiseGradients):
+            values |= {"corners": gradients.corners_sdx, "gradient": gradients.inside_sba}
+        elif isinstance(gradients, Gradients):
+            values |= {"w": tables.w_sq, "xi": tables.xi_sqx, "gradient": gradients.first_stxma}
+        if self._energy.kernel.uses_second_gradient and not (isinstance(gradients, Gradients) and gradients.shared):
+            values["second"] = gradients.second_sxma
         return values
 
     def add(self, group: ElementGroup) -> None:
         """Pack one more group."""
-        for packs, values in zip(self._packs, self._values(group), strict=True):
-            packs.append(values)
+        for name, values in self._values(group).items():
+            self._packs[name].append(values)
         self._cells.append(group.cells)
         self._shape_c.append(group.shape_c + np.int32(self._n_shapes))
         self._n_shapes += len(group.tables.h_s)
@@ -212,22 +215,23 @@ class _Gatherer:
     def block(self, distributed: DistributedMesh, dofmap: DofMap) -> Block:
         """All of them."""
         group, kernel, cells = self._group, self._energy.kernel, np.concatenate(self._cells)
-        w_sp, xi_sp, inverse_h_sp, gradient_sp, *second = (packs.finish() for packs in self._packs)
-        gradients = group.tables.gradients
+        packed, gradients = {name: packs.finish() for name, packs in self._packs.items()}, group.tables.gradients
+        uses_second = kernel.uses_second_gradient
         batch = CellBatch(
             shape_c=np.concatenate(self._shape_c),
             nodes_ca=dofmap.cell_nodes(distributed, cells, group.n_sides),
             piece_q=group.tables.piece_q.astype(np.int32),
-            w_sp=w_sp,
-            xi_sp=xi_sp,
-            inverse_h_sp=inverse_h_sp,
-            gradient_sp=gradient_sp,
-            second_sp=second[0] if second else gradient_sp if kernel.uses_second_gradient else None,
-            gradient_degree=monomials.degree_of(gradients.first_stxma.shape[3]),
-            second_degree=monomials.degree_of(gradients.second_sxma.shape[2]) if kernel.uses_second_gradient else 0,
-            n_pieces=gradients.first_stxma.shape[1],
+            w_sp=packed.get("w"),
+            xi_sp=packed.get("xi"),
+            inverse_h_sp=packed["inverse_h"],
+            gradient_sp=packed["gradient"],
+            second_sp=packed.get("second", packed["gradient"]) if uses_second else None,
+            gradient_degree=gradients.degree,
+            second_degree=monomials.degree_of(gradients.second_sxma.shape[2]) if uses_second else 0,
+            n_pieces=gradients.n_pieces,
             n_translated=n_translated_dofs(group.n_sides, dofmap.order),
-            has_potential=gradients.has_potential,
+            corners_sp=packed.get("corners"),
+            pieces=_pieces(group.tables),
             factor_ck=self._factors(distributed, cells),
             friction=None if self._energy.friction is None else FrictionPacks(len(cells), len(group.tables.piece_q)),
         )

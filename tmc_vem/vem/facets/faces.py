@@ -73,7 +73,7 @@ class FaceTable:
         cells = self.cell_s[sides]
         place = self._place_c[cells]
         shapes, position = np.unique(batch.shape_c[place], return_inverse=True)
-        second = batch.coefficients(shapes)[1][position]
+        second = batch.gradients(shapes).second_sxma[position]
         h = (1.0 / batch.inverse_h_s[shapes])[position]
         polygons = self._blocks[block].polygons(self._mesh, place)
         ends = self._mesh.points_vx[self._edges.vertices_ev[self._edges.cell_edges[sides]]]

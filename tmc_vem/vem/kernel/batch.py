@@ -13,8 +13,11 @@ from numpy.typing import NDArray
 from codegen.library import address
 from tmc_vem.vem.kernel.friction_packs import FrictionPacks
 from tmc_vem.vem.kernel.packs import LANES, packed
+from tmc_vem.vem.kernel.pieces import Pieces
 from tmc_vem.vem.spaces import monomials
-from tmc_vem.vem.spaces.potential import gradient_of_potential
+from tmc_vem.vem.spaces.piecewise import PiecewiseGradients
+from tmc_vem.vem.spaces.quadrature import at_pieces
+from tmc_vem.vem.spaces.spaces import Gradients, ProjectedGradients
 
 Array = NDArray[np.float64]
 Int32 = NDArray[np.int32]
@@ -26,11 +29,16 @@ class BatchStruct(ctypes.Structure):
     _fields_ = (
         ("n_cells", ctypes.c_int64),
         *((name, ctypes.c_int32) for name in ("n_basis", "n_points", "n_pieces")),
-        *((name, ctypes.c_int32) for name in ("n_first", "n_stored", "n_second", "n_lower")),
-        *((name, ctypes.c_int32) for name in ("n_translated", "has_potential")),
+        *((name, ctypes.c_int32) for name in ("n_first", "n_second", "n_lower", "n_translated")),
+        *((name, ctypes.c_int32) for name in ("n_corners", "n_boundary", "n_inside", "n_trace", "n_piece_points")),
         *((name, ctypes.c_void_p) for name in ("raised_mx", "power_mx")),
         *((name, ctypes.c_void_p) for name in ("shape_c", "nodes_ca", "piece_q", "w_spq", "xi_spqx")),
         *((name, ctypes.c_void_p) for name in ("inverse_h_sp", "gradient_sptxma", "second_spxma")),
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("corners_spdx", "corner_tp", "raised_tmp", "trace_bj", "trace_value_bj")
+        ),
+        *((name, ctypes.c_void_p) for name in ("barycentric_qp", "piece_w_q", "bernstein_mq")),
         ("factor_ck", ctypes.c_void_p),
         ("friction_cpqk", ctypes.c_void_p),
         ("slip_damping", ctypes.c_void_p),
@@ -53,15 +61,16 @@ class CellBatch:
         shape_c: (n_cells,) shape of each cell.
         nodes_ca: (n_cells, n_basis) nodes of each cell.
         piece_q: (n_points,) piece on which each quadrature point lies.
-        w_sp, xi_sp, inverse_h_sp, gradient_sp, second_sp: per pack of shapes; ``second_sp`` may be None for energies
-            of F alone.
+        inverse_h_sp, gradient_sp, second_sp: per pack of shapes; ``second_sp`` may be None for energies of F alone.
+        w_sp, xi_sp: the same; None for piecewise polynomials, whose corners say both.
         gradient_degree, second_degree: of the polynomials.
         n_pieces: pieces of the projected gradient.
         n_translated: a translation by 1 is 1 in so many degrees of freedom, the first, and 0 in the others. Kernels
             take the translation of the first node out before they sum, which keeps a stiff body that moves far free
             of forces from rounding. 0 if a translation is something else.
-        has_potential: ``gradient_sp`` holds the coefficients (n_packs, n_pieces, dim P - 1, n_basis, 8) of a potential,
-            one degree higher and without the constant, see :mod:`tmc_vem.vem.spaces.potential`.
+        corners_sp: (n_packs, n_corners, 2, 8) vertices and hubs of piecewise polynomials in scaled coordinates; then
+            ``gradient_sp`` has their coefficients inside the cells (n_packs, n_inside, n_basis, 8).
+        pieces: what all cells with piecewise polynomials have in common.
         factor_ck: (n_cells, n_varying) what multiplies the parameters that vary from cell to cell.
         friction: of the cells, which changes between load steps; None for none.
         taken_from: cells that these were taken from, and which of them, where factors may change.
@@ -70,8 +79,8 @@ class CellBatch:
     shape_c: Int32
     nodes_ca: Int32
     piece_q: Int32
-    w_sp: Array
-    xi_sp: Array
+    w_sp: Array | None
+    xi_sp: Array | None
     inverse_h_sp: Array
     gradient_sp: Array
     second_sp: Array | None
@@ -79,7 +88,8 @@ class CellBatch:
     second_degree: int
     n_pieces: int
     n_translated: int = 0
-    has_potential: bool = False
+    corners_sp: Array | None = None
+    pieces: Pieces | None = None
     factor_ck: Array | None = None
     friction: FrictionPacks | None = None
     taken_from: tuple[CellBatch, NDArray[Any] | slice] | None = None
@@ -130,7 +140,7 @@ class CellBatch:
         return CellBatch(
             np.ascontiguousarray(self.shape_c[cells]), np.ascontiguousarray(self.nodes_ca[cells]), self.piece_q,
             self.w_sp, self.xi_sp, self.inverse_h_sp, self.gradient_sp, self.second_sp, self.gradient_degree,
-            self.second_degree, self.n_pieces, self.n_translated, self.has_potential,
+            self.second_degree, self.n_pieces, self.n_translated, self.corners_sp, self.pieces,
             None if self.factor_ck is None else np.ascontiguousarray(self.factor_ck[cells]),
             None if self.friction is None else self.friction.take(cells),
             None if self.factor_ck is None else (self, cells),
@@ -167,30 +177,38 @@ class CellBatch:
         return len(self.piece_q)
 
     @property
-    def w_sq(self) -> Array:
-        """Weights (n_shapes, n_points); shapes beyond the last one repeat it."""
-        return np.moveaxis(self.w_sp, -1, 1).reshape(-1, self.n_points)
-
-    @property
-    def xi_sqx(self) -> Array:
-        """Scaled points (n_shapes, n_points, 2); shapes beyond the last one repeat it."""
-        return np.moveaxis(self.xi_sp, -1, 1).reshape(-1, self.n_points, 2)
-
-    @property
     def inverse_h_s(self) -> Array:
         """Inverse scales (n_shapes,); shapes beyond the last one repeat it."""
         return self.inverse_h_sp.ravel()
 
-    def coefficients(self, shapes: NDArray[Any]) -> tuple[Array, Array]:
-        """``gradient_stxma`` and ``second_sxma`` of some shapes; the second is empty where there is none."""
-        pack, lane = shapes // LANES, shapes % LANES
-        gradient = self.gradient_sp[pack, ..., lane]
-        if self.has_potential:
-            gradient = gradient_of_potential(gradient, 1.0 / self.inverse_h_s[shapes])
+    def points(self, shapes: NDArray[Any]) -> tuple[Array, Array]:
+        """Quadrature points (n, n_points, 2) of some shapes in scaled coordinates, and weights (n, n_points)."""
+        if self.pieces is None:
+            assert self.xi_sp is not None
+            assert self.w_sp is not None
+            return self._of(self.xi_sp, shapes).reshape(len(shapes), -1, 2), self._of(self.w_sp, shapes)
+        assert self.corners_sp is not None
+        corners_sdx = self._of(self.corners_sp, shapes)
+        points, weights = at_pieces(corners_sdx[:, self.pieces.topology.corners_tp], self.pieces.rule)
+        return points, weights / self.inverse_h_s[shapes, None] ** 2
+
+    def gradients(self, shapes: NDArray[Any]) -> ProjectedGradients:
+        """Projected gradients of some shapes; without a second gradient where there is none."""
+        first = self._of(self.gradient_sp, shapes)
         if self.second_sp is None:
-            return gradient, np.empty((len(shapes), 2, 0, self.n_basis))
-        second = self.second_sp[pack, ..., lane]
-        return gradient, second.reshape(len(shapes), 2, -1, self.n_basis)
+            second = np.empty((len(shapes), 2, 0, self.n_basis))
+        else:
+            second = self._of(self.second_sp, shapes).reshape(len(shapes), 2, -1, self.n_basis)
+        if self.pieces is None:
+            return Gradients(first, second)
+        assert self.corners_sp is not None
+        corners, h_s = self._of(self.corners_sp, shapes), 1.0 / self.inverse_h_s[shapes]
+        return PiecewiseGradients(first, corners, h_s, self.pieces.topology, second)
+
+    @staticmethod
+    def _of(values_sp: Array, shapes: NDArray[Any]) -> Array:
+        chosen: Array = values_sp[shapes // LANES, ..., shapes % LANES]
+        return chosen
 
     @property
     def nbytes(self) -> int:
@@ -206,15 +224,15 @@ class CellBatch:
             ValueError: an array is not contiguous.
         """
         first, lower = self.gradient_degree, self.second_degree - 1
-        n_first = monomials.dimension(first)
-        n_stored = monomials.dimension(first + 1) - 1 if self.has_potential else 2 * n_first
         table = monomials.raised(max(first, lower))
+        numbers, arrays = ((0,) * 5, (None,) * 7) if self.pieces is None else (self.pieces.numbers, self.pieces.arrays)
         return BatchStruct(
-            self.n_cells, self.n_basis, self.n_points, self.n_pieces, n_first, n_stored,
-            monomials.dimension(self.second_degree), monomials.dimension(lower), self.n_translated, self.has_potential,
+            self.n_cells, self.n_basis, self.n_points, self.n_pieces, monomials.dimension(first),
+            monomials.dimension(self.second_degree), monomials.dimension(lower), self.n_translated, *numbers,
             address(table.position_mx), address(table.power_mx), address(self.shape_c), address(self.nodes_ca),
             address(self.piece_q), address(self.w_sp), address(self.xi_sp), address(self.inverse_h_sp),
-            address(self.gradient_sp), address(self.second_sp), address(self.factor_ck),
+            address(self.gradient_sp), address(self.second_sp), address(self.corners_sp), *(address(a) for a in arrays),
+            address(self.factor_ck),
             *((None, None) if self.friction is None else (address(a) for a in self.friction.arrays)),
         )  # fmt: skip
 

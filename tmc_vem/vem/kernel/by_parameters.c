@@ -20,7 +20,7 @@ static void second_gradient(const workspace *work, const tmc_batch *batch, vec *
 static void at_points(const workspace *work, const tmc_batch *batch, int q0, int q1, const vec *P_mxi, const vec *V_mri,
                       vec *x) {
   const int n_q = batch->n_points;
-  product(0, 0, q1 - q0, N_F, batch->n_first, work->m_mq + q0, n_q, P_mxi, N_F, x, PAIR);
+  product(0, 0, q1 - q0, N_F, batch->n_first, first_values(work, batch, q0), first_stride(batch), P_mxi, N_F, x, PAIR);
   if (N_ROWS > N_FIRST_ROWS)
     product(0, 0, q1 - q0, N_G, batch->n_lower, work->m_mq + q0, n_q, V_mri, N_G, x + N_F, PAIR);
 }
@@ -32,7 +32,7 @@ int64_t tmc_cells_by_parameters(const tmc_batch *batch, const double *u_ni, cons
   const int n = batch->n_basis, n_q = batch->n_points, n_1 = batch->n_first;
   const int n_2 = batch->n_second, n_lower = N_ROWS > N_FIRST_ROWS ? batch->n_lower : 0;
   vec *P_mxi = work.polynomials, *T_mxi = P_mxi + N_F * n_1, *S_mxi = T_mxi + N_F * n_1;
-  vec *V_mri = S_mxi + N_F * n_2, *W_mri = V_mri + N_G * n_lower, *Q_mi = W_mri + N_G * n_lower;
+  vec *V_mri = S_mxi + N_F * n_2, *W_mri = V_mri + N_G * n_lower;
   pair pairs[STATES];
   memset(pairs, 0, sizeof pairs);
   double e[AT_LEAST_1][LANES], r[AT_LEAST_1][LANES], sum_e[AT_LEAST_1][LANES], sum_r[AT_LEAST_1][LANES], read[N_READ];
@@ -44,16 +44,19 @@ int64_t tmc_cells_by_parameters(const tmc_batch *batch, const double *u_ni, cons
     take_shapes(&work, batch, c0);
     workspace along = work; /* the same cells with the adjoint field */
     along.u_ai = work.u_ai + 2 * n;
+    along.coefficient_bi = work.coefficient_bi + 2 * (batch->n_boundary + batch->n_inside);
     gather_nodes(batch, c0, u_ni, 2, work.u_ai);
     if (adjoint_ni) gather_nodes(batch, c0, adjoint_ni, 2, along.u_ai);
+    piecewise_coefficients(2, &work, batch);
+    if (adjoint_ni) piecewise_coefficients(2, &along, batch);
     memset(sum_e, 0, sizeof sum_e);
     memset(sum_r, 0, sizeof sum_r);
     if (n_lower) second_gradient(&work, batch, S_mxi, V_mri);
     if (n_lower && adjoint_ni) second_gradient(&along, batch, S_mxi, W_mri);
     for (int q = 0, end; q < n_q; q = end) {
       end = piece_end(batch, q);
-      first_gradient(2, &work, batch, batch->piece_q[q], Q_mi, P_mxi);
-      if (adjoint_ni) first_gradient(2, &along, batch, batch->piece_q[q], Q_mi, T_mxi);
+      first_gradient(2, &work, batch, batch->piece_q[q], P_mxi);
+      if (adjoint_ni) first_gradient(2, &along, batch, batch->piece_q[q], T_mxi);
       for (int q0 = q, q1; q0 < end; q0 = q1) {
         q1 = states_end(end, q0);
         at_points(&work, batch, q0, q1, P_mxi, V_mri, pairs->x);

@@ -12,13 +12,17 @@ HERE = Path(__file__).parent
 # the Hessian at a point lie.
 LANE_PRODUCTS, STEP_LIMIT, PACKED_HESSIAN = HERE / "lanes.c", HERE / "limit.c", HERE / "hessian.c"
 
+CELLS = ("shapes", "friction", "polynomials", "residual", "smooth", "tangent", "entries")
 CELL_DRIVER = Driver(
     header=HERE / "kernel_abi.h",
     files=(
         LANE_PRODUCTS,
         STEP_LIMIT,
         PACKED_HESSIAN,
-        *(HERE / name for name in ("shapes.c", "friction.c", "polynomials.c", "residual.c", "tangent.c", "entries.c")),
+        *(
+            HERE / name
+            for name in ("shapes.c", "friction.c", "polynomials.c", "residual.c", "smooth.c", "tangent.c", "entries.c")
+        ),
     ),
 )
 

@@ -19,13 +19,14 @@ int64_t tmc_max_step(const tmc_batch *batch, const double *u_ni, const double *d
     take_shapes(&work, batch, c0);
     gather_nodes(batch, c0, u_ni, 4, work.u_ai);
     gather_nodes(batch, c0, du_ni, 4, work.u_ai + 2);
+    piecewise_coefficients(4, &work, batch);
     vec step = (vec){0.0} + INFINITY;
     for (int q = 0, end; q < n_q; q = end) {
       end = piece_end(batch, q);
-      first_gradient(4, &work, batch, batch->piece_q[q], work.polynomials + 8 * n_1, work.polynomials);
+      first_gradient(4, &work, batch, batch->piece_q[q], work.polynomials);
       for (int q0 = q, q1; q0 < end; q0 = q1) {
         q1 = states_end(end, q0);
-        product(0, 0, q1 - q0, 8, n_1, work.m_mq + q0, n_q, work.polynomials, 8, *gradients, 8);
+        product(0, 0, q1 - q0, 8, n_1, first_values(&work, batch, q0), first_stride(batch), work.polynomials, 8, *gradients, 8);
         for (int p = 0; p < q1 - q0; ++p) limit(&step, gradients[p]);
       }
     }

@@ -6,6 +6,7 @@
  *   a, b  scalar basis function     i, j  displacement component, 0 or 1
  *   m  scaled monomial              x  direction, 0 or 1
  *   n  node, which carries both displacement components
+ *   b  coefficient of a piecewise polynomial, those on the boundary first        p  corner of a piece, 0 to 2
  * Shapes come in packs of eight: the suffix sp means [shape / 8] first and [shape % 8] as the last axis, so that
  * sp_ma is [n_packs][m][a][8].
  */
@@ -18,26 +19,39 @@
  * coordinate xi_x, where xi_x m stands among them, and its power of xi_x, so that d(xi_x m)/dxi_x is power_mx m. The first
  * monomial is 1, and every other is one of these products.
  *
- * Where the projected gradient on every piece is the gradient of a polynomial sum_m potential_tma m(xi), its coefficients
- * without the constant, m = 1, 2, ..., may take the place of gradient_txma: three quarters of the memory for degree 2.
+ * Continuous piecewise polynomials of degree k + 1 on sub-triangles are stored as Bernstein coefficients of the basis:
+ * those inside the cell by shape, those on its boundary as combinations of a few degrees of freedom, the same for all
+ * cells of the batch. With the barycentric coordinates lambda of a piece and the Bernstein polynomials B_m of degree k,
+ * its gradient is (k + 1) sum_m B_m sum_p grad lambda_p c_(m + e_p). Corners of the pieces say where points are and how
+ * much they weigh.
  */
 typedef struct {
   int64_t n_cells;
   int32_t n_basis, n_points, n_pieces;
-  int32_t n_first, n_stored;    /* monomials of the first gradient; coefficients kept of it for a function on a piece */
-  int32_t n_second, n_lower;    /* monomials of second_xma, and of its derivatives, the first of them */
+  int32_t n_first;            /* polynomials that make the first gradient */
+  int32_t n_second, n_lower;  /* monomials of second_xma, and of its derivatives, the first of them */
   int32_t n_translated; /* a translation by 1 is 1 in so many degrees of freedom, the first, and 0 in the others; or 0 */
-  int32_t has_potential; /* 1 if gradient_sptxma holds potential_sptma */
+  int32_t n_corners, n_boundary, n_inside; /* of piecewise polynomials: corners of pieces, coefficients b, or 0 */
+  int32_t n_trace;        /* degrees of freedom j of a side, k + 1, which is also the factor of the gradient */
+  int32_t n_piece_points; /* points on every piece */
   const int32_t *raised_mx;               /* positions of xi m and eta m, for the monomials of both gradients */
   const double *power_mx;                 /* powers of xi in the one, of eta in the other */
   const int32_t *shape_c;                 /* [n_cells] */
   const int32_t *nodes_ca;                /* [n_cells][n_basis] */
   const int32_t *piece_q;                 /* [n_points] the piece on which a point lies */
-  const double *w_spq;                    /* weights (area) */
-  const double *xi_spqx;                  /* points in scaled coordinates */
+  const double *w_spq;                    /* weights (area); NULL for piecewise polynomials */
+  const double *xi_spqx;                  /* points in scaled coordinates; NULL for piecewise polynomials */
   const double *inverse_h_sp;             /* 1 / h, the scale of the coordinates */
-  const double *gradient_sptxma;          /* coefficients of the projected gradient */
+  const double *gradient_sptxma;          /* coefficients of the projected gradient; or inside_spba */
   const double *second_spxma;             /* of the second gradient's potential; only read if tmc_n_rows is 6 */
+  const double *corners_spdx;             /* corners of the pieces in scaled coordinates; NULL if there is no such thing */
+  const int32_t *corner_tp;               /* [n_pieces][3] corner 0, 1 and 2 of a piece */
+  const int32_t *raised_tmp;              /* [n_pieces][n_first][3] which coefficient is m + e_p on a piece */
+  const int32_t *trace_bj;                /* [n_boundary][n_trace] basis functions that a coefficient depends on */
+  const double *trace_value_bj;           /* and by how much */
+  const double *barycentric_qp;           /* [n_piece_points][3] points of every piece */
+  const double *piece_w_q;                /* [n_piece_points] their weights, of sum 1 */
+  const double *bernstein_mq;             /* [n_first][n_piece_points] the polynomials at these points */
   const double *factor_ck;                /* [n_cells][N_VARYING] of parameters that vary; not read if there are none */
   const double *friction_cpqk;            /* [n_cells / 8][n_points][TMC_N_FRICTION][cell % 8]; NULL for no friction */
   const double *slip_damping;             /* [1] fraction of kt in the tangent of points that slip; read with friction */

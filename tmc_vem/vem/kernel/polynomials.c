@@ -1,8 +1,7 @@
 /* ---- Displacement gradients as polynomials ----
  * Where no rows of the basis are needed, the displacement gradient is made as polynomials, on each piece, by one product
  * of coefficients and degrees of freedom, and evaluated at the points of the piece. The first gradient's coefficients are
- * P_mxi, those of its potential, where that is stored, Q_mi; those of the second gradient's potential are S_mxi and of its
- * four derivatives V_mri.
+ * P_mxi, those of the second gradient's potential S_mxi and of its four derivatives V_mri.
  */
 
 enum { STATES = 16 }; /* points evaluated at once */
@@ -58,16 +57,36 @@ ALWAYS_INLINE void to_polynomials(const int n_x, const int n_i, int n_m, int n_b
   for (; m < n_m; ++m) polynomial_rows(1, n_x, n_i, n_m, n_basis, C_xma + m * n_basis, u_ai, P_mxi + n_x * n_i * m);
 }
 
-/* Polynomials [m][x][i] of the first gradient on a piece; where a potential is stored, it is made in Q_mi. */
-ALWAYS_INLINE void first_gradient(const int n_i, const workspace *work, const tmc_batch *batch, int piece, vec *Q_mi,
-                                  vec *P_mxi) {
-  const int n_1 = batch->n_first, n = batch->n_basis, n_stored = batch->n_stored;
-  const vec *C = work->gradient + (size_t)piece * n_stored * n;
-  if (!batch->has_potential) {
-    to_polynomials(2, n_i, n_1, n, C, work->u_ai, P_mxi);
+/* Coefficients of piecewise polynomials from degrees of freedom; nothing is done where there are none. */
+ALWAYS_INLINE void piecewise_coefficients(const int n_i, const workspace *work, const tmc_batch *batch) {
+  if (!is_piecewise(batch)) return;
+  const int n_j = batch->n_trace;
+  for (int b = 0; b < batch->n_boundary; ++b)
+#pragma GCC unroll 4
+    for (int i = 0; i < n_i; ++i) {
+      vec sum = {0.0};
+      for (int j = b * n_j; j < (b + 1) * n_j; ++j) sum += batch->trace_value_bj[j] * work->u_ai[n_i * batch->trace_bj[j] + i];
+      work->coefficient_bi[n_i * b + i] = sum;
+    }
+  to_polynomials(1, n_i, batch->n_inside, batch->n_basis, work->gradient, work->u_ai,
+                 work->coefficient_bi + n_i * batch->n_boundary);
+}
+
+/* Coefficients [m][x][i] of the first gradient on a piece; those of piecewise polynomials are there already. */
+ALWAYS_INLINE void first_gradient(const int n_i, const workspace *work, const tmc_batch *batch, int piece, vec *P_mxi) {
+  const int n_1 = batch->n_first, n = batch->n_basis;
+  if (!is_piecewise(batch)) {
+    to_polynomials(2, n_i, n_1, n, work->gradient + (size_t)piece * 2 * n_1 * n, work->u_ai, P_mxi);
     return;
   }
-  to_polynomials(1, n_i, n_stored, n, C, work->u_ai, Q_mi);
-  const derivatives of = {.width = n_i, .n_m = n_1, .first = 1, .from_m = n_i, .to_m = 2 * n_i, .to_x = n_i};
-  differentiate(of, batch, work->scale, Q_mi, P_mxi);
+  const vec *slope_px = work->slope_tpx + 4 * piece, *c_bi = work->coefficient_bi;
+  const int32_t *raised_p = batch->raised_tmp + (size_t)piece * n_1 * 3;
+  for (int m = 0; m < n_1; ++m, raised_p += 3)
+#pragma GCC unroll 4
+    for (int i = 0; i < n_i; ++i) {
+      const vec origin = c_bi[n_i * raised_p[0] + i];
+      const vec s = c_bi[n_i * raised_p[1] + i] - origin, t = c_bi[n_i * raised_p[2] + i] - origin;
+      P_mxi[2 * n_i * m + i] = slope_px[0] * s + slope_px[2] * t;
+      P_mxi[2 * n_i * m + n_i + i] = slope_px[1] * s + slope_px[3] * t;
+    }
 }

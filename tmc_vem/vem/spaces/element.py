@@ -22,13 +22,14 @@ from tmc_vem.mesh.geometry import diameters
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.support.errors import InputError
 from tmc_vem.support.notes import say
-from tmc_vem.vem.spaces.candidates import candidates, cell_rule
+from tmc_vem.vem.spaces.candidates import candidates, cell_rule, needs_no_test
 from tmc_vem.vem.spaces.element_settings import LARGEST_DEGREE, ElementSettings
 from tmc_vem.vem.spaces.quadrature import star_shaped, sub_triangles
 from tmc_vem.vem.spaces.rules import convex
 from tmc_vem.vem.spaces.spaces import ProjectionSpace, Shapes
 from tmc_vem.vem.spaces.stability import StabilityTest, spurious_modes, stability_constants
 from tmc_vem.vem.spaces.tabulated import Tables, tabulate
+from tmc_vem.vem.spaces.triangulation import equal_topologies
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -149,12 +150,17 @@ def congruence_classes(polygons_cvx: Float) -> tuple[Int, Int]:
 
 
 def _alike(polygons_cvx: Float) -> Iterator[Int]:
-    """Cells (n,) that take the same kind of sub-triangles and of quadrature rule."""
+    """Cells (n,) whose sub-triangles hang together alike, and that take the same kind of quadrature rule."""
     star = star_shaped(polygons_cvx)
     others = np.flatnonzero(~star)
     # for quadrilaterals the rule depends on convexity, and must not depend on what else is on a rank
     kind = convex(polygons_cvx) if polygons_cvx.shape[1] == 4 else np.ones(len(star), dtype=bool)
-    for alike in (np.flatnonzero(star), *(others[chosen] for chosen, _ in sub_triangles(polygons_cvx[others]))):
+    together = [
+        others[found[same]]
+        for found, triangles in sub_triangles(polygons_cvx[others])
+        for same, _ in equal_topologies(polygons_cvx[others[found]], triangles)
+    ]
+    for alike in (np.flatnonzero(star), *together):
         for chosen in (alike[kind[alike]], alike[~kind[alike]]):
             if len(chosen):
                 yield chosen
@@ -167,15 +173,16 @@ def _choose_space(
     ((_, triangles),) = sub_triangles(shapes)
     k, n_sides = settings.order, shapes.shape[1]
     pending = np.arange(len(shapes))
-    known = Shapes.of(shapes, triangles, k, k + 1)
+    to_try = candidates(settings, n_sides)
+    known = Shapes.of(shapes, triangles, k, max(k, min(k + 1, max(space.degree for space, _ in to_try))))
     test = StabilityTest(known)
-    for space, least in candidates(settings, n_sides):
+    for space, least in to_try:
         rule = cell_rule(settings, space, shapes[pending], triangles[pending])
         needed = known if len(pending) == len(known) else known.take(pending)
         if space.degree > known.geometry.degree:
             needed = Shapes.of(shapes[pending], triangles[pending], k, space.degree)
         tables = tabulate(needed, space, rule)
-        passes = test.passes(tables, pending, least)
+        passes = test.passes(tables, pending, least, known_to=needs_no_test(space, needed))
         if settings.degree is not None and not passes.all():
             worst = int(np.flatnonzero(~passes)[0])
             constants = stability_constants(shapes[worst : worst + 1], tables.take(np.array([worst])), k)

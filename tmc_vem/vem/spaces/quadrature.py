@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 from itertools import permutations
 
@@ -93,6 +94,37 @@ def _collapsed(degree: int) -> tuple[Float, Float]:
     return np.stack([y, 1.0 - x - y, x], axis=1), weights / weights.sum()
 
 
+@dataclass(frozen=True)
+class PieceRule:
+    """Quadrature on one sub-triangle of a cell, the same for all.
+
+    Attributes:
+        barycentric_qp: (n_points, 3) points in barycentric coordinates.
+        w_q: (n_points,) positive weights of sum 1.
+    """
+
+    barycentric_qp: Float
+    w_q: Float
+
+
+@cache
+def piece_rule(degree: int, *, hub: bool) -> PieceRule:
+    """Rule on sub-triangles, exact to ``degree``, that does not depend on how they are numbered.
+
+    Args:
+        degree: of the polynomials.
+        hub: whether the first corner is the hub of a closed fan, so that only the other two are alike. Where there is
+            none and the rule singles out a corner, the triangle is cut into three at its centroid.
+    """
+    barycentric, weights = triangle(degree)
+    if degree <= SYMMETRIC or hub:
+        return PieceRule(barycentric, weights)
+    thirds = fan(np.eye(3)[None, :, :2])[0]  # corners by their first two barycentric coordinates
+    first_two = (barycentric @ thirds).reshape(-1, 2)
+    points = np.column_stack([first_two, 1.0 - first_two.sum(axis=1)])
+    return PieceRule(points, np.tile(weights / 3.0, 3))
+
+
 def fan(polygons_cvx: Float) -> Float:
     """Triangles (n_cells, n_sides, 3, 2) from the centroid to the sides, for polygons star-shaped about it."""
     center = np.broadcast_to(centroids(polygons_cvx)[:, None], polygons_cvx.shape)
@@ -124,8 +156,12 @@ def sub_triangles(polygons_cvx: Float) -> list[tuple[Int, Float]]:
 
 
 def _delaunay(polygon_vx: Float) -> Float:
-    """Triangles (n, 3, 2) of a simple polygon; vertices on one circle are fanned from the centroid of their polygon."""
-    pieces = [polygon_vx[piece] for piece in delaunay_pieces(polygon_vx)]
+    """Triangles (n, 3, 2) of a simple polygon; vertices on one circle are fanned from the centroid of their polygon.
+
+    They are ordered by their vertices, so that cells whose triangles hang together alike have them in the same order.
+    """
+    found = [np.roll(piece, -int(np.argmin(piece))).tolist() for piece in delaunay_pieces(polygon_vx)]
+    pieces = [polygon_vx[piece] for piece in sorted(found)]
     corners_tpx: Float = np.concatenate([p[None] if len(p) == 3 else fan(p[None])[0] for p in pieces])
     return corners_tpx
 
@@ -137,16 +173,14 @@ def is_fan(triangles_ctpx: Float) -> bool:
 
 
 def on_triangles(triangles_ctpx: Float, degree: int) -> tuple[Float, Float]:
-    """Points (n_cells, n_points, 2) and weights (n_cells, n_points) over the triangles of each cell.
+    """Points (n_cells, n_points, 2) and weights (n_cells, n_points) over the triangles of each cell."""
+    return at_pieces(triangles_ctpx, piece_rule(degree, hub=is_fan(triangles_ctpx)))
 
-    Where the rule singles out a corner, and the triangles have no hub, each of them is cut into three at its centroid.
-    """
-    if degree > SYMMETRIC and not is_fan(triangles_ctpx):
-        n_cells, n_triangles = triangles_ctpx.shape[:2]
-        triangles_ctpx = fan(triangles_ctpx.reshape(-1, 3, 2)).reshape(n_cells, 3 * n_triangles, 3, 2)
-    barycentric, weights = triangle(degree)
-    points = barycentric @ triangles_ctpx
+
+def at_pieces(triangles_ctpx: Float, rule: PieceRule) -> tuple[Float, Float]:
+    """The same with a rule that is given."""
+    points = rule.barycentric_qp @ triangles_ctpx
     edge1, edge2 = triangles_ctpx[:, :, 1] - triangles_ctpx[:, :, 0], triangles_ctpx[:, :, 2] - triangles_ctpx[:, :, 0]
     area = 0.5 * (edge1[..., 0] * edge2[..., 1] - edge1[..., 1] * edge2[..., 0])
     n_cells = len(triangles_ctpx)
-    return points.reshape(n_cells, -1, 2), (area[:, :, None] * weights).reshape(n_cells, -1)
+    return points.reshape(n_cells, -1, 2), (area[:, :, None] * rule.w_q).reshape(n_cells, -1)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.vem.spaces import monomials
-from tmc_vem.vem.spaces.quadrature import gauss, on_triangles
+from tmc_vem.vem.spaces.quadrature import PieceRule, at_pieces, gauss, is_fan, on_triangles, piece_rule
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -28,18 +28,20 @@ class CellRule:
         points_sqx: (n_shapes, n_points, 2).
         w_sq: (n_shapes, n_points) weights, positive, with the areas as sums.
         piece_q: (n_points,) sub-triangle of each point where the rule is one of sub-triangles, else 0.
+        on_pieces: the rule of sub-triangles, if it is one.
     """
 
     points_sqx: Float
     w_sq: Float
     piece_q: Int
+    on_pieces: PieceRule | None = None
 
 
 def on_sub_triangles(triangles_stpx: Float, degree: int) -> CellRule:
     """Rule on every sub-triangle; ``piece_q`` tells which."""
-    points, weights = on_triangles(triangles_stpx, degree)
-    n_pieces = triangles_stpx.shape[1]
-    return CellRule(points, weights, np.repeat(np.arange(n_pieces), weights.shape[1] // n_pieces))
+    rule = piece_rule(degree, hub=is_fan(triangles_stpx))
+    points, weights = at_pieces(triangles_stpx, rule)
+    return CellRule(points, weights, np.repeat(np.arange(triangles_stpx.shape[1]), len(rule.w_q)), rule)
 
 
 def compressed(polygons_svx: Float, triangles_stpx: Float, degree: int) -> CellRule:

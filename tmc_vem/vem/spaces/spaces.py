@@ -92,6 +92,60 @@ class Shapes:
         return points
 
 
+class ProjectedGradients(Protocol):
+    """Projected gradients of the basis of shapes, in the form in which they are stored.
+
+    On every piece the first gradient is a combination of polynomials of degree l, which the class chooses; the second
+    gradient is that of one polynomial vector field on the cell.
+    """
+
+    @property
+    def second_sxma(self) -> Float:
+        """(n_shapes, 2, dim P_m, n_basis) coefficients of the field whose derivatives are the second gradient."""
+
+    @property
+    def n_basis(self) -> int:
+        """Scalar basis functions."""
+
+    @property
+    def n_pieces(self) -> int:
+        """Pieces on which the first gradient is polynomial."""
+
+    @property
+    def degree(self) -> int:
+        """Degree l of its polynomials."""
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the arrays."""
+
+    def take(self, chosen: Int | slice) -> ProjectedGradients:
+        """Those of some of the shapes."""
+
+    def values(self, xi_sqx: Float) -> Float:
+        """The polynomials (n_shapes, n_pieces, n, dim P_l) at points (n_shapes, n_pieces n, 2), piece after piece."""
+
+    def polynomials(self, u_sai: Float) -> Float:
+        """Their coefficients (n_shapes, n_pieces, dim P_l, 2 n) of the gradients of functions, d/dx of all, then d/dy.
+
+        Args:
+            u_sai: (n_shapes, n_basis, n) degrees of freedom of each shape's own functions.
+        """
+
+    def rows(self, h_s: Float, xi_sqx: Float, piece_q: NDArray[np.integer[Any]], n_rows: int = N_ROWS) -> Float:
+        """Derivatives (n_shapes, n_points, n_rows, n_basis) at points, in the order of ``N_ROWS``.
+
+        Args:
+            h_s: diameters of the cells.
+            xi_sqx: points in scaled coordinates.
+            piece_q: piece on which each of them lies.
+            n_rows: 2 for the gradient alone, or 6.
+
+        Raises:
+            ValueError: pieces have not equally many points, one piece after the other.
+        """
+
+
 @dataclass(frozen=True)
 class Gradients:
     """Projected gradients of the basis as polynomials in the scaled coordinates ``xi = (x - x_E) / h_E``.
@@ -101,12 +155,10 @@ class Gradients:
             one piece, or one for every sub-triangle.
         second_sxma: (n_shapes, 2, dim P_m, n_basis) coefficients of the vector field, one polynomial on the cell, whose
             derivatives are the second gradient.
-        has_potential: whether the gradient on every piece is that of a polynomial; then blocks keep that polynomial.
     """
 
     first_stxma: Float
     second_sxma: Float
-    has_potential: bool = False
 
     @staticmethod
     def smooth(grad_x: Float, grad_y: Float) -> Gradients:
@@ -119,25 +171,49 @@ class Gradients:
         """Whether both come from the same polynomials, which are stored once."""
         return np.shares_memory(self.first_stxma, self.second_sxma)
 
+    @property
+    def n_basis(self) -> int:
+        """Scalar basis functions."""
+        return self.first_stxma.shape[-1]
+
+    @property
+    def n_pieces(self) -> int:
+        """One piece, or all sub-triangles."""
+        return self.first_stxma.shape[1]
+
+    @property
+    def degree(self) -> int:
+        """Degree l of the polynomials."""
+        return monomials.degree_of(self.first_stxma.shape[3])
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the arrays; what is shared counts once."""
+        return self.first_stxma.nbytes + (0 if self.shared else self.second_sxma.nbytes)
+
     def take(self, chosen: Int | slice) -> Gradients:
         """Those of some of the shapes."""
         first = self.first_stxma[chosen]
-        return Gradients(first, first[:, 0] if self.shared else self.second_sxma[chosen], self.has_potential)
+        return Gradients(first, first[:, 0] if self.shared else self.second_sxma[chosen])
+
+    def values(self, xi_sqx: Float) -> Float:
+        """Monomials (n_shapes, n_pieces, n, dim P_l); see :class:`ProjectedGradients`."""
+        _, n_pieces, _, n_m, _ = self.first_stxma.shape
+        return monomials.values(monomials.degree_of(n_m), xi_sqx).reshape(len(xi_sqx), n_pieces, -1, n_m)
+
+    def polynomials(self, u_sai: Float) -> Float:
+        """See :class:`ProjectedGradients`."""
+        n_shapes, n_pieces, _, n_m, n_basis = self.first_stxma.shape
+        by_direction = np.moveaxis(self.first_stxma, 3, 2).reshape(n_shapes, -1, n_basis)  # pieces, monomials, x
+        product: Float = by_direction @ u_sai
+        return product.reshape(len(u_sai), n_pieces, n_m, -1)
 
     def rows(self, h_s: Float, xi_sqx: Float, piece_q: NDArray[np.integer[Any]], n_rows: int = N_ROWS) -> Float:
-        """Derivatives (n_shapes, n_points, n_rows, n_basis) at points, in the order of ``N_ROWS``.
-
-        Args:
-            h_s: diameters of the cells.
-            xi_sqx: points in scaled coordinates.
-            piece_q: piece on which each of them lies.
-            n_rows: 2 for the gradient alone, or 6.
-        """
+        """See :class:`ProjectedGradients`."""
         (n_shapes, n_points, _), (_, n_pieces, _, n_m, n_basis) = xi_sqx.shape, self.first_stxma.shape
         if len(piece_q) % n_pieces or (np.reshape(piece_q, (n_pieces, -1)) != np.arange(n_pieces)[:, None]).any():
             raise ValueError("all pieces must have equally many points, one piece after the other")
-        m = monomials.values(monomials.degree_of(n_m), xi_sqx).reshape(n_shapes, n_pieces, -1, n_m)
-        first = m @ np.moveaxis(self.first_stxma, 2, 3).reshape(n_shapes, n_pieces, n_m, 2 * n_basis)
+        first = self.values(xi_sqx) @ np.moveaxis(self.first_stxma, 2, 3).reshape(n_shapes, n_pieces, n_m, 2 * n_basis)
         if n_rows == N_FIRST_ROWS:
             return first.reshape(n_shapes, n_points, 2, n_basis)
         result = np.empty((n_shapes, n_points, n_rows, n_basis))
@@ -183,7 +259,7 @@ class ProjectionSpace(Protocol):
     def piecewise_degree(self) -> int | None:
         """Degree of the gradient on every sub-triangle, or None where it is one polynomial on the whole cell."""
 
-    def gradients(self, shapes: Shapes) -> Gradients:
+    def gradients(self, shapes: Shapes) -> ProjectedGradients:
         """Projected gradients of the basis; pieces are the sub-triangles in their order."""
 
 

@@ -8,14 +8,16 @@ either.
 
 from __future__ import annotations
 
+from functools import cached_property
 from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tmc_vem.vem.spaces import monomials
+from tmc_vem.vem.spaces.piecewise import PiecewiseGradients
 from tmc_vem.vem.spaces.projector import PolygonGeometry, dofs_of_monomials, elliptic_projector, gradient_projector
-from tmc_vem.vem.spaces.spaces import Shapes
+from tmc_vem.vem.spaces.spaces import Gradients, Shapes
 from tmc_vem.vem.spaces.tabulated import Tables
 
 Float = NDArray[np.float64]
@@ -53,26 +55,42 @@ class StabilityTest:
     """
 
     def __init__(self, shapes: Shapes) -> None:
-        geometry, k = shapes.geometry, shapes.order
-        self._reference = stabilised_tangent(geometry, shapes.elliptic_cad, k)
+        self._shapes = shapes
+
+    def passes(
+        self, tables: Tables, chosen: Int, least: float, known_to: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.bool_]:
+        """Whether each of the ``chosen`` shapes, whose tables are given, has no constant below ``least``.
+
+        Args:
+            tables: of the chosen shapes.
+            chosen: (n,) positions among all shapes.
+            least: the bound.
+            known_to: (n,) those that are known to pass.
+        """
+        result = np.ones(len(chosen), dtype=bool)
+        (asked,) = np.nonzero(np.ones(len(chosen), dtype=bool) if known_to is None else ~known_to)
+        for first in range(0, len(asked), CHUNK):
+            part = asked[first : first + CHUNK]
+            matrices = element_tangent(tables.take(part))
+            reference, motions = self._compared_with
+            matrices -= least * reference[chosen[part]]
+            motions = motions[chosen[part]]
+            matrices += np.swapaxes(motions, 1, 2) @ motions
+            result[part] = positive_definite(matrices)
+        return result
+
+    @cached_property
+    def _compared_with(self) -> tuple[Float, Float]:
+        """Tangent (n_shapes, 2 n, 2 n) of the reference, and rigid motions (n_shapes, 3, 2 n) of a comparable size."""
+        geometry, k = self._shapes.geometry, self._shapes.order
+        reference = stabilised_tangent(geometry, self._shapes.elliptic_cad, k)
         one, xi, eta = np.moveaxis(dofs_of_monomials(geometry, k)[:, :, :3], 2, 0)
         zero = np.zeros_like(one)
         motions = np.stack([np.hstack([one, zero]), np.hstack([zero, one]), np.hstack([-eta, xi])], axis=1)
-        size = np.einsum("saa->s", self._reference) / self._reference.shape[1]
+        size = np.einsum("saa->s", reference) / reference.shape[1]
         motions *= np.sqrt(size[:, None] / np.einsum("sma,sma->sm", motions, motions))[:, :, None]
-        self._motions = motions
-
-    def passes(self, tables: Tables, chosen: Int, least: float) -> NDArray[np.bool_]:
-        """Whether each of the ``chosen`` shapes, whose tables are given, has no constant below ``least``."""
-        result = np.empty(len(chosen), dtype=bool)
-        for first in range(0, len(chosen), CHUNK):
-            part = slice(first, first + CHUNK)
-            at = chosen[part]
-            matrices = element_tangent(tables.take(part))
-            matrices -= least * self._reference[at]
-            matrices += np.swapaxes(self._motions[at], 1, 2) @ self._motions[at]
-            result[part] = positive_definite(matrices)
-        return result
+        return reference, motions
 
 
 def positive_definite(matrices_sab: Float) -> NDArray[np.bool_]:
@@ -89,15 +107,26 @@ def positive_definite(matrices_sab: Float) -> NDArray[np.bool_]:
 
 def element_tangent(tables: Tables) -> Float:
     """Tangent (n_shapes, 2 n_basis, 2 n_basis) of plane elasticity with the quadrature of the element."""
-    first = tables.gradients.first_stxma
-    if first.shape[1] > 1 or tables.w_sq.shape[1] <= first.shape[3]:
-        gradient = np.moveaxis(tables.rows(2), 2, 0)
-        return elastic_tangent(gradient, gradient * tables.w_sq[..., None])
-    # fewer monomials than points: sums over points are products with the monomials' mass matrix
-    m = monomials.values(monomials.degree_of(first.shape[3]), tables.xi_sqx)
+    gradients = tables.gradients
+    if isinstance(gradients, PiecewiseGradients) and tables.on_pieces is not None:
+        return _from_rows(gradients.rows_of_rule(tables.on_pieces), tables.w_sq)
+    if not isinstance(gradients, Gradients) or not _has_fewer_monomials(gradients, tables.w_sq.shape[1]):
+        return _from_rows(tables.rows(2), tables.w_sq)
+    # sums over points are products with the monomials' mass matrix
+    m = gradients.values(tables.xi_sqx)[:, 0]
     mass = np.swapaxes(m, 1, 2) @ (m * tables.w_sq[..., None])
-    coefficients = np.moveaxis(first[:, 0], 1, 0)
+    coefficients = np.moveaxis(gradients.first_stxma[:, 0], 1, 0)
     return elastic_tangent(coefficients, mass @ coefficients)
+
+
+def _has_fewer_monomials(gradients: Gradients, n_points: int) -> bool:
+    _, n_pieces, _, n_m, _ = gradients.first_stxma.shape
+    return n_pieces == 1 and n_m < n_points
+
+
+def _from_rows(rows_sqxa: Float, w_sq: Float) -> Float:
+    gradient_xsqa = np.moveaxis(rows_sqxa, 2, 0)
+    return elastic_tangent(gradient_xsqa, gradient_xsqa * w_sq[..., None])
 
 
 def elastic_tangent(gradient_xsqa: Float, weighted_xsqa: Float) -> Float:

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from tmc_vem.vem.spaces import monomials
 from tmc_vem.vem.spaces.projector import PolygonGeometry, elliptic_projector, value_projector
+from tmc_vem.vem.spaces.quadrature import PieceRule
 from tmc_vem.vem.spaces.rules import CellRule
-from tmc_vem.vem.spaces.spaces import N_ROWS, Gradients, ProjectionSpace, Shapes
+from tmc_vem.vem.spaces.spaces import N_ROWS, ProjectedGradients, ProjectionSpace, Shapes
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -30,30 +31,35 @@ class Tables:
         xi_sqx: (n_shapes, n_points, 2) points in scaled coordinates.
         h_s: (n_shapes,) diameters, the scale.
         piece_q: (n_points,) piece of the gradient on which each point lies.
+        on_pieces: the rule of every sub-triangle, where it is the same on all.
     """
 
-    gradients: Gradients
+    gradients: ProjectedGradients
     w_sq: Float
     xi_sqx: Float
     h_s: Float
     piece_q: Int
+    on_pieces: PieceRule | None = None
 
     @property
     def n_basis(self) -> int:
         """Scalar basis functions."""
-        return self.gradients.first_stxma.shape[-1]
+        return self.gradients.n_basis
 
     @property
     def nbytes(self) -> int:
         """Memory of the arrays."""
-        first, second = self.gradients.first_stxma, self.gradients.second_sxma
-        both = first.nbytes + (0 if self.gradients.shared else second.nbytes)
-        return both + self.w_sq.nbytes + self.xi_sqx.nbytes + self.h_s.nbytes
+        return self.gradients.nbytes + self.w_sq.nbytes + self.xi_sqx.nbytes + self.h_s.nbytes
 
     def take(self, chosen: Int | slice) -> Tables:
         """Those of some of the shapes."""
         return Tables(
-            self.gradients.take(chosen), self.w_sq[chosen], self.xi_sqx[chosen], self.h_s[chosen], self.piece_q
+            self.gradients.take(chosen),
+            self.w_sq[chosen],
+            self.xi_sqx[chosen],
+            self.h_s[chosen],
+            self.piece_q,
+            self.on_pieces,
         )
 
     def rows(self, n_rows: int = N_ROWS) -> Float:
@@ -72,7 +78,7 @@ def tabulate(shapes: Shapes, space: ProjectionSpace, rule: CellRule) -> Tables:
     geometry = shapes.geometry
     xi = (rule.points_sqx - geometry.centroid_cx[:, None]) / geometry.diameter_c[:, None, None]
     pieces = np.zeros_like(rule.piece_q) if space.piecewise_degree is None else rule.piece_q
-    return Tables(space.gradients(shapes), rule.w_sq, xi, geometry.diameter_c, pieces)
+    return Tables(space.gradients(shapes), rule.w_sq, xi, geometry.diameter_c, pieces, rule.on_pieces)
 
 
 def points_and_values(polygons_cvx: Float, k: int, xi_cqx: Float) -> tuple[Float, Float]:

@@ -12,7 +12,6 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from tmc_vem.vem.spaces import monomials
 from tmc_vem.vem.spaces.projector import edge_basis
 from tmc_vem.vem.spaces.quadrature import is_fan
 
@@ -66,9 +65,13 @@ def lattice(degree: int) -> Float:
 
 def bernstein(degree: int, barycentric_qp: Float) -> Float:
     """Bernstein polynomials (n_points, n)."""
-    powers = barycentric_exponents(degree)
-    factor = np.array([factorial(degree) / np.prod([factorial(a) for a in row]) for row in powers.tolist()])
-    values: Float = factor * np.prod(barycentric_qp[:, None] ** powers, axis=2)
+    powers = [np.ones_like(barycentric_qp)]
+    for _ in range(degree):
+        powers.append(powers[-1] * barycentric_qp)
+    values = np.empty((len(barycentric_qp), len(barycentric_exponents(degree))))
+    for n, (i, j, m) in enumerate(barycentric_exponents(degree).tolist()):
+        factor = factorial(degree) // (factorial(i) * factorial(j) * factorial(m))
+        values[:, n] = factor * powers[i][:, 0] * powers[j][:, 1] * powers[m][:, 2]
     return values
 
 
@@ -139,30 +142,3 @@ def barycentric_gradients(triangles_ctpx: Float) -> tuple[Float, Float]:
     second = np.stack([edge2[..., 1], -edge2[..., 0]], axis=-1) / twice[..., None]
     third = np.stack([-edge1[..., 1], edge1[..., 0]], axis=-1) / twice[..., None]
     return np.stack([-second - third, second, third], axis=2), 0.5 * twice
-
-
-def affine_powers(degree: int, linear_ypt: Float) -> Float:
-    """``s^a t^b`` of affine functions s and t of the scaled coordinates as polynomials of these.
-
-    Args:
-        degree: largest a + b.
-        linear_ypt: (3, 2, n) constant and coefficients of xi and eta of s and t.
-
-    Returns:
-        (dim P_degree, dim P_degree, n): the monomial in s and t, the one in xi and eta.
-    """
-    n_m = monomials.dimension(degree)
-    result = np.zeros((n_m, n_m, linear_ypt.shape[2]))
-    result[0, 0] = 1.0
-    for j, (a, b) in enumerate(monomials.exponents(degree).tolist()):
-        if a + b == 0:
-            continue
-        by_s = a > 0  # else by t
-        constant, xi, eta = linear_ypt[:, 0 if by_s else 1]
-        lower = result[monomials.position(a - by_s, b - (not by_s))]
-        n_lower = monomials.dimension(a + b - 1)
-        result[j, :n_lower] = constant * lower[:n_lower]
-        for m, (c, d) in enumerate(monomials.exponents(a + b - 1).tolist()):
-            result[j, monomials.position(c + 1, d)] += xi * lower[m]
-            result[j, monomials.position(c, d + 1)] += eta * lower[m]
-    return result
