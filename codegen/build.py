@@ -29,8 +29,9 @@ logger = logging.getLogger(__name__)
 FLAGS = ("-std=gnu99", "-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 # Files that no generated C depends on; all others, new ones included, are part of the key.
 _BESIDE_THE_PIPELINE = {
-    "__main__.py", "cli.py", "declare.py", "finding.py", "mixed.py", "oracle.py", "record.py", "reference.py",
-    "sampling.py", "show.py", "stress_rates.py", "tensors.py", "userfile.py", "verify.py", "verify_parameters.py",
+    "__main__.py", "backends/cuda.py", "backends/host.py", "cli.py", "declare.py", "finding.py", "mixed.py",
+    "oracle.py", "record.py", "reference.py", "sampling.py", "show.py", "stress_rates.py", "tensors.py", "userfile.py",
+    "verify.py", "verify_parameters.py",
 }  # fmt: skip
 CACHE_VARIABLE = "TMC_VEM_CACHE"
 

@@ -7,7 +7,7 @@ import importlib
 from codegen.backends.backend import Backend
 from codegen.errors import CodegenError
 
-TARGETS = ("c",)
+TARGETS = ("c", "cuda")
 
 
 def backend(target: str) -> Backend:

@@ -5,4 +5,4 @@ from __future__ import annotations
 from codegen.cli import make_command
 from tmc_vem.vem.kernel.driver import CELL_DRIVER
 
-main = make_command(CELL_DRIVER)
+main = make_command({"c": CELL_DRIVER})
