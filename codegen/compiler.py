@@ -35,7 +35,7 @@ def generate(
         description: for the provenance comment.
         versions: for the provenance comment, from :func:`versions`; left out of kernels that only the cache sees.
         driver: what the kernel has besides the functions of a point.
-        target: the language, one of :data:`codegen.backends.TARGETS`.
+        target: the language, one of ``codegen.backends.TARGETS``.
 
     Raises:
         CodegenError: the energy cannot be differentiated, or there is no such language.

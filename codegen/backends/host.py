@@ -95,27 +95,28 @@ class HostKernel(Kernel):
         return J_n
 
 
-def host_text(source: KernelSource) -> str:
-    """The device source with what it takes to be plain C++, and functions that call it."""
+def host_text(source: KernelSource, calls: str = "") -> str:
+    """The device source with what it takes to be plain C++ and functions that call it, ``calls`` those of a driver."""
     name, device = device_name(source.name), source.files[".cu"]
-    calls = ["host_points.hpp", *(["host_jacobian.hpp"] if f"{name}_jacobian" in device else [])]
-    texts = [HERE.joinpath(call).read_text().replace("NAME", name) for call in calls]
-    return "".join([HERE.joinpath("host.hpp").read_text(), device, *texts])
+    files = ["host_points.hpp", *(["host_jacobian.hpp"] if f"{name}_jacobian" in device else [])]
+    texts = [*(HERE.joinpath(file).read_text() for file in files), calls]
+    return "".join([HERE.joinpath("host.hpp").read_text(), device, *(text.replace("NAME", name) for text in texts)])
 
 
-def compile_on_host(source: KernelSource, directory: Path, flags: Sequence[str] = FLAGS) -> Path:
+def compile_on_host(source: KernelSource, directory: Path, flags: Sequence[str] = FLAGS, calls: str = "") -> Path:
     """Shared object of device source, for :class:`HostKernel`.
 
     Args:
         source: of the target ``cuda``.
         directory: where the shared object is written.
         flags: of the compiler.
+        calls: C++ text of functions that call kernels of a driver; NAME is the name of the energy's namespace.
 
     Raises:
         CodegenError: there is no compiler, or it failed (the message has its first error).
     """
     text, library = directory / f"{source.name}.cpp", directory / f"{source.name}.so"
-    text.write_text(host_text(source))
+    text.write_text(host_text(source, calls))
     command = [*cxx_compiler(), *flags, "-o", str(library), str(text), "-lm"]
     done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     if done.returncode != 0 or not library.is_file():

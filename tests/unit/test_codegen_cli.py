@@ -140,6 +140,10 @@ def test_the_cell_driver_is_part_of_kernels_of_this_package_only(tmp_path):
         assert ("tmc_cells" in text, "tmc_cells" in header) == (directory == "cells",) * 2
         assert "tmc_points" in text
         assert "tmc_points" in header
+        run("mine.py:bending", "--target", "cuda", "-o", directory, command=command)
+        device = (tmp_path / directory / "bending.cu").read_text()
+        assert ("tmc_bending_stiffness(" in device) == (directory == "cells")
+        assert "tmc_bending_tangent(" in device
     assert run("mine.py:bending", "--check", command=POINTS).exit_code == 0
 
 

@@ -5,17 +5,22 @@ from __future__ import annotations
 import ctypes
 import ctypes.util
 import importlib.util
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
 import pytest
 
 from codegen.compiler import generate
-from codegen.integrand import second_gradient_energy
+from codegen.driver import Driver
+from codegen.integrand import Integrand, second_gradient_energy
 from codegen.trace import trace
 from tmc_vem.energy import DENSITIES, SOLIDS
+from tmc_vem.vem.kernel.driver import DEVICE_CELLS
 
 ENERGIES = {**DENSITIES, **SOLIDS}
+POINTS = ("energy", "gradient", "tangent", "jacobian")
+CELLS = ("rows", "states", "forces", "stiffness")
 OPTIONS = (b"--gpu-architecture=compute_75",)
 
 
@@ -47,14 +52,28 @@ def compiled(text: str) -> tuple[bool, str, str]:
     return not failed, said[0], said[1]
 
 
-@pytest.mark.skipif(nvrtc() is None, reason="NVRTC is not installed")
+pytestmark = pytest.mark.skipif(nvrtc() is None, reason="NVRTC is not installed")
+
+
+def assert_compiles(integrand: Integrand, kernels: Sequence[str], driver: Driver | None = None) -> None:
+    worked, log, code = compiled(generate(trace(integrand), driver=driver, target="cuda").files[".cu"])
+    assert (worked, log) == (True, "")
+    for kernel in kernels:
+        assert f".visible .entry tmc_{integrand.name}_{kernel}(" in code
+    assert code.count(".visible .entry") == len(kernels)
+    assert "atom." not in code
+
+
 @pytest.mark.parametrize("name", ENERGIES)
 def test_every_energy_compiles(name):
     energy = ENERGIES[name]
     integrand = second_gradient_energy(energy.density, energy.name, energy.parameters)
-    for of in (integrand, integrand.varying(integrand.parameter_names[-1:])):
-        worked, log, code = compiled(generate(trace(of), target="cuda").files[".cu"])
-        assert (worked, log) == (True, "")
-        for kernel in ("energy", "gradient", "tangent", "jacobian"):
-            assert f".visible .entry tmc_{energy.name}_{kernel}(" in code
-        assert "atom." not in code
+    assert_compiles(integrand, POINTS)
+    assert_compiles(integrand.varying(integrand.parameter_names[-1:]), POINTS)
+
+
+@pytest.mark.parametrize("name", ["solid", "medium_angle_damped"])
+def test_cells_compile(name):
+    energy = ENERGIES[name]
+    integrand = second_gradient_energy(energy.density, energy.name, energy.parameters)
+    assert_compiles(integrand, (*POINTS, *CELLS), DEVICE_CELLS)
