@@ -27,10 +27,11 @@ logger = logging.getLogger(__name__)
 
 # Everything but -ffast-math, which would hide NaN: no errno, no traps, so that loops over points vectorise.
 FLAGS = ("-std=gnu99", "-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
-# Modules that no generated text depends on; all others, new ones included, are part of the key.
+# Files that no generated C depends on; all others, new ones included, are part of the key.
 _BESIDE_THE_PIPELINE = {
-    "__main__.py", "cli.py", "declare.py", "finding.py", "mixed.py", "oracle.py", "record.py", "reference.py",
-    "sampling.py", "show.py", "stress_rates.py", "tensors.py", "userfile.py", "verify.py", "verify_parameters.py",
+    "__main__.py", "backends/cuda.py", "backends/host.py", "cli.py", "declare.py", "finding.py", "mixed.py",
+    "oracle.py", "record.py", "reference.py", "sampling.py", "show.py", "stress_rates.py", "tensors.py", "userfile.py",
+    "verify.py", "verify_parameters.py",
 }  # fmt: skip
 CACHE_VARIABLE = "TMC_VEM_CACHE"
 
@@ -119,8 +120,9 @@ def _toolchain_key(command: tuple[str, ...]) -> str:
                 break  # the other cores repeat it
     sympy = importlib.util.find_spec("sympy")  # its version, without the third of a second that importing it takes
     sources = [Path(sympy.origin).with_name("release.py")] if sympy and sympy.origin else []
-    pipeline = (entry for entry in Path(__file__).parent.iterdir() if entry.suffix in (".py", ".c", ".h"))
-    sources += sorted(entry for entry in pipeline if entry.name not in _BESIDE_THE_PIPELINE)
+    package = Path(__file__).parent
+    pipeline = (entry for entry in package.rglob("*") if entry.suffix in (".py", ".c", ".h"))
+    sources += sorted(entry for entry in pipeline if entry.relative_to(package).as_posix() not in _BESIDE_THE_PIPELINE)
     for source in sources:
         with contextlib.suppress(OSError):
             digest.update(source.name.encode() + source.read_bytes())

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import click
 
-from codegen.by_parameters import compile_by_parameters
+from codegen.backends import TARGETS
+from codegen.by_parameters import ParameterKernel, compile_by_parameters
 from codegen.compiler import derive, generate, versions
 from codegen.driver import Driver
 from codegen.errors import CodegenError
@@ -48,12 +50,25 @@ def _parse_parameters(_ctx: click.Context, _option: click.Parameter, values: Seq
     return parsed
 
 
-def make_command(driver: Driver | None = None) -> click.Command:
-    """The command for kernels with a driver, or without: a package that has one makes its own command."""
+def make_command(drivers: Mapping[str, Driver] | None = None) -> click.Command:
+    """The command for kernels with a driver, or without: a package that has one makes its own command.
+
+    Args:
+        drivers: by the target in whose language they are.
+    """
 
     @click.command("codegen", cls=_OneLineErrors)
     @click.argument("energy", metavar="FILE.py:FUNCTION")
-    @click.option("-o", "--output", type=click.Path(path_type=Path), help="Directory to write NAME.c and NAME.h to.")
+    @click.option(
+        "-o", "--output", type=click.Path(path_type=Path), help="Directory to write NAME.c and NAME.h, or NAME.cu, to."
+    )
+    @click.option(
+        "--target",
+        type=click.Choice(TARGETS),
+        default="c",
+        show_default=True,
+        help="Language. cuda is a source to build into programs of your own: tmc-vem itself does not run on GPUs yet.",
+    )
     @click.option("--check", is_flag=True, help="Compile the kernel and verify values, derivatives and objectivity.")
     @click.option("--show", is_flag=True, help="Print the symbolic energy, P, T and operation counts.")
     @click.option(
@@ -64,27 +79,29 @@ def make_command(driver: Driver | None = None) -> click.Command:
         callback=_parse_parameters,
         help="Parameter of the energy with its value; repeat for several. Declares it if the file does not.",
     )
-    def main(energy: str, output: Path | None, check: bool, show: bool, values: dict[str, float]) -> None:
-        """Generate the C kernel of an energy density written in Python.
+    def main(energy: str, output: Path | None, target: str, check: bool, show: bool, values: dict[str, float]) -> None:
+        """Generate the C kernel, or the device source, of an energy density written in Python.
 
-        FILE.py:FUNCTION names a function density(F, G, p, m); package.module:FUNCTION works as well.
+        FILE.py:FUNCTION names a function density(F, G, p, m); package.module:FUNCTION works as well. --check compiles
+        device source as plain C++ and runs it here.
         """
         if not (output or check or show):
             raise CodegenError("nothing to do: give -o DIR to write the kernel, --check or --show")
         loaded = load_density(energy).with_values(values)
+        driver = (drivers or {}).get(target)
         if output or show:
-            _write_and_show(loaded, output, show, driver)
-        if check and not _check(loaded, driver):
+            _write_and_show(loaded, output, show, target, driver)
+        if check and not (_check(loaded, driver) if target == "c" else _check_on_host(loaded, target)):
             click.get_current_context().exit(1)
 
     return main
 
 
-def _write_and_show(loaded: LoadedDensity, output: Path | None, show: bool, driver: Driver | None) -> None:
+def _write_and_show(loaded: LoadedDensity, output: Path | None, show: bool, target: str, driver: Driver | None) -> None:
     traced = trace(loaded.integrand)
-    source = generate(traced, loaded.description, versions(), driver)
+    source = generate(traced, loaded.description, versions(), driver, target)
     if output:
-        for path in _write(output, loaded.name, {".c": source.c_source, ".h": source.header}):
+        for path in _write(output, loaded.name, source.files):
             click.echo(f"wrote {path}")
     if show:
         fault = fault_at_reference(traced, _values(loaded))
@@ -111,9 +128,23 @@ def _values(loaded: LoadedDensity) -> dict[str, float]:
 
 def _check(loaded: LoadedDensity, driver: Driver | None) -> bool:
     """Compile the kernel, print the verification table, and say whether everything passed."""
-    values = _values(loaded)
     kernel = Kernel(compiled(loaded.integrand, driver), loaded.integrand)
-    derivatives = compile_by_parameters(loaded.integrand)
+    return _verified(loaded, kernel, compile_by_parameters(loaded.integrand))
+
+
+def _check_on_host(loaded: LoadedDensity, target: str) -> bool:
+    """The same of device source: what it computes is checked, but not on a device."""
+    from codegen.backends.host import HostKernel, compile_on_host
+
+    source = generate(trace(loaded.integrand), loaded.description, target=target)
+    with TemporaryDirectory() as directory:
+        passed = _verified(loaded, HostKernel(compile_on_host(source, Path(directory)), loaded.integrand), None)
+    click.echo("The device source was compiled as plain C++ and run on this machine's processor, not on a GPU.")
+    return passed
+
+
+def _verified(loaded: LoadedDensity, kernel: Kernel, derivatives: ParameterKernel | None) -> bool:
+    values = _values(loaded)
     findings = verify(kernel, loaded.function, values, loaded.declared, by_parameters=derivatives)
     _print_table(loaded, values, findings)
     return all(finding.passed for finding in findings)

@@ -108,19 +108,27 @@ class Schedule:
 
 @dataclass(frozen=True)
 class KernelSource:
-    """The generated C translation unit and what is worth knowing about it.
+    """The generated text of an energy and what is worth knowing about it.
 
     Attributes:
-        c_source: the kernel, complete in itself.
-        header: its declarations, for programs in C and C++ that call it.
+        files: texts by the suffix of their files.
         n_rows: derivative rows of the basis that it uses.
         operations: of a point by level, after sharing subexpressions; ``operations_before`` before that.
     """
 
     name: str
     parameters: tuple[str, ...]
-    c_source: str
-    header: str
+    files: dict[str, str]
     n_rows: int
     operations: dict[str, int]
     operations_before: dict[str, int]
+
+    @property
+    def c_source(self) -> str:
+        """The kernel in C, complete in itself."""
+        return self.files[".c"]
+
+    @property
+    def header(self) -> str:
+        """Its declarations, for programs in C and C++ that call it."""
+        return self.files[".h"]

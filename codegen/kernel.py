@@ -82,7 +82,7 @@ class Kernel:
             level, n, address(x_nx), address(parameters), address(psi_n), address(g_nx),
             address(h_nk),
         )  # fmt: skip
-        return psi_n, g_nx, None if h_nk is None else _unpack(h_nk, self.layout)
+        return psi_n, g_nx, None if h_nk is None else unpacked(h_nk, self.layout)
 
     def check_parameters(self, parameters: Array) -> None:
         """Check an array of parameter values.
@@ -95,7 +95,8 @@ class Kernel:
             raise ValueError(f"{len(self.parameters)} parameters expected ({names}), got {parameters.size}")
 
 
-def _unpack(h_nk: Array, layout: Layout) -> Array:
+def unpacked(h_nk: Array, layout: Layout) -> Array:
+    """Whole Hessians (n, 12, 12) of the entries (n, 78) that are kept of them."""
     rows, columns = np.array(layout.upper_triangle).T
     h_nxy = np.empty((len(h_nk), layout.n_inputs, layout.n_inputs))
     h_nxy[:, rows, columns] = h_nk

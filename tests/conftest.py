@@ -23,6 +23,7 @@ LONG = (
     "tests/mpi/test_mpi_vem.py",
     "tests/unit/test_problem_file.py",
     "tests/unit/test_codegen_compilers.py",
+    "tests/unit/test_codegen_device.py",
     "tests/unit/test_unfinished.py",
     "tests/unit/test_batch.py",
     "tests/unit/test_adapt_resume.py",

@@ -102,22 +102,27 @@ def imports_of(path: Path) -> set[Path]:
     """Files of the generator that a file of it imports, wherever in the file."""
     nodes = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)]
     names = {node.module for node in nodes} | {f"{node.module}.{alias.name}" for node in nodes for alias in node.names}
-    return {
-        path.with_name(f"{name.removeprefix('codegen.')}.py")
-        for name in names
-        if name.startswith("codegen.") and name.count(".") == 1 and path.with_name(f"{name[8:]}.py").exists()
-    }
+    above = Path(build.__file__).parents[1]
+    places = [above.joinpath(*name.split(".")) for name in names if name.startswith("codegen.")]
+    files = {file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")}
+    return {file for file in files if file.exists()}
 
 
-def test_what_makes_the_text_is_in_the_key():
+def test_what_makes_the_text_is_in_the_key(monkeypatch):
     package = Path(build.__file__).parent
     beside = {package / name for name in build._BESIDE_THE_PIPELINE}
     assert all(path.is_file() for path in beside)
-    found = {package / name for name in ("kernel.py", "compiler.py")}
+    found = {package / name for name in ("kernel.py", "compiler.py", "backends/c.py")}
     while (more := found | {other for path in found for other in imports_of(path)}) != found:
         found = more
-    assert {"trace.py", "derive.py", "templates.py", "layout.py"} <= {path.name for path in found}
-    assert not found & beside
+    assert {"trace.py", "derive.py", "functions.py", "cprinter.py", "backend.py"} <= {path.name for path in found}
+    read = set()
+    original = Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda path: read.add(path) or original(path))
+    build._toolchain_key.cache_clear()
+    build._toolchain_key(build.compiler())
+    assert found <= read
+    assert not read & beside
 
 
 def test_a_change_of_a_driver_changes_the_key(cache, tmp_path):

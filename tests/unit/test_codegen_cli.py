@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
+from codegen.backends import cuda
 from codegen.build import compiler
 from codegen.cli import make_command
 from tmc_vem.cli.codegen import main
@@ -37,6 +39,7 @@ def with_gradient(F, G, p, m):
     return p.kappa * sum(G[i][j][k] ** 2 for i in (0, 1) for j in (0, 1) for k in (0, 1))
 """
 
+needs_cpp = pytest.mark.skipif(not (shutil.which("g++") or shutil.which("clang++")), reason="there is no C++ compiler")
 POINTS = make_command()  # without the cell driver, which takes most of the time to compile and is no part of the check
 
 
@@ -86,6 +89,49 @@ def test_the_written_files_work_in_a_c_program(tmp_path):
     assert library.energy(2.0) == 18.0
 
 
+def test_writes_device_source_complete_in_one_file(tmp_path):
+    result = run("mine.py:bending", "--target", "cuda", "-o", "out")
+    assert (result.exit_code, result.stdout) == (0, "wrote out/bending.cu\n")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["bending.cu"]
+    text = (tmp_path / "out" / "bending.cu").read_text()
+    assert text.startswith("/* Energy: bending\n * Parameters, in the order of the array: kappa\n")
+    assert " * Kernels: tmc_bending_energy, tmc_bending_gradient, tmc_bending_tangent, tmc_bending_jacobian\n" in text
+
+
+@needs_cpp
+def test_device_source_is_checked_as_plain_cpp():
+    result = run("mine.py:bending", "--target", "cuda", "--check")
+    assert result.exit_code == 0, result.stdout + result.stderr
+    assert "bending: verified\n" in result.stdout
+    assert result.stdout.endswith("run on this machine's processor, not on a GPU.\n")
+    assert run("mine.py:resists_rotation", "--target", "cuda", "--check").exit_code == 1
+
+
+@needs_cpp
+def test_faults_of_device_source_are_found(monkeypatch):
+    """The check is of the source that is written, not of the C kernel."""
+    original = cuda.CudaBackend.output
+    wrong = lambda self, target, value: original(self, target, f"1.001 * ({value})" if target == "g[4]" else value)  # noqa: E731
+    monkeypatch.setattr(cuda.CudaBackend, "output", wrong)
+    result = run("mine.py:bending", "--target", "cuda", "--check")
+    assert result.exit_code == 1
+    assert "FAIL: The gradient is not that of the energy." in result.stdout
+
+
+def test_without_a_cpp_compiler_device_source_is_written_but_not_checked(tmp_path, monkeypatch):
+    monkeypatch.setenv("CXX", "no-such-program")
+    result = run("mine.py:bending", "--target", "cuda", "-o", "out", "--check")
+    assert result.exit_code == 2
+    assert result.stderr.startswith("Error: no C++ compiler found (tried CXX=no-such-program): install g++")
+    assert (tmp_path / "out" / "bending.cu").exists()
+
+
+def test_help_says_what_a_target_is_for():
+    text = " ".join(run("--help").stdout.split())
+    assert "[c|cuda]" in text
+    assert "cuda is a source to build into programs of your own: tmc-vem itself does not run on GPUs yet." in text
+
+
 def test_the_cell_driver_is_part_of_kernels_of_this_package_only(tmp_path):
     for directory, command in (("cells", main), ("points", POINTS)):
         assert run("mine.py:bending", "-o", directory, command=command).exit_code == 0
@@ -94,6 +140,10 @@ def test_the_cell_driver_is_part_of_kernels_of_this_package_only(tmp_path):
         assert ("tmc_cells" in text, "tmc_cells" in header) == (directory == "cells",) * 2
         assert "tmc_points" in text
         assert "tmc_points" in header
+        run("mine.py:bending", "--target", "cuda", "-o", directory, command=command)
+        device = (tmp_path / directory / "bending.cu").read_text()
+        assert ("tmc_bending_stiffness(" in device) == (directory == "cells")
+        assert "tmc_bending_tangent(" in device
     assert run("mine.py:bending", "--check", command=POINTS).exit_code == 0
 
 
@@ -163,6 +213,10 @@ def test_show_prints_the_derivation_and_the_operation_counts():
         (["mine.py:bending", "--show", "--param", "x=1"], "energy 'bending' has no parameter 'x'"),
         (["mine.py:bending", "--show", "--param", "kappa"], "'kappa' is not name=value, for example kappa=0.1"),
         (["mine.py:bending", "--show", "--param", "kappa=abc"], "'kappa=abc' is not name=value"),
+        (
+            ["mine.py:bending", "--show", "--target", "metal"],
+            "Invalid value for '--target': 'metal' is not one of 'c', 'cuda'",
+        ),
         (["mine.py:bending", "-o", "mine.py"], "cannot write to mine.py: File exists"),
     ],
 )

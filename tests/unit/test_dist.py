@@ -45,7 +45,8 @@ def test_the_wheel_has_all_files_of_the_packages(built: Path) -> None:
         entry_points = next(name for name in archive.namelist() if name.endswith("entry_points.txt"))
         assert "tmc-vem = tmc_vem.cli.main:main" in archive.read(entry_points).decode()
     assert names == of_packages()
-    for suffix in (".c", ".h", ".csv", ".j2", ".petsc", "py.typed"):  # else there would be nothing to compare
+    # else there would be nothing to compare
+    for suffix in (".c", ".h", ".cuh", ".hpp", ".csv", ".j2", ".petsc", "py.typed"):
         assert any(name.endswith(suffix) for name in names), suffix
 
 

@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from codegen.cli import make_command
-from tmc_vem.vem.kernel.driver import CELL_DRIVER
+from tmc_vem.vem.kernel.driver import CELL_DRIVER, DEVICE_CELLS
 
-main = make_command(CELL_DRIVER)
+main = make_command({"c": CELL_DRIVER, "cuda": DEVICE_CELLS})

@@ -32,3 +32,6 @@ PARAMETER_DRIVER = Driver(
     files=(LANE_PRODUCTS, *(HERE / name for name in ("shapes.c", "polynomials.c", "by_parameters.c"))),
     shared_headers=(CELL_DRIVER.header,),
 )
+
+# Cells in words of a device, for programs of others.
+DEVICE_CELLS = Driver(header=HERE / "cells_abi.cuh", files=(HERE / "cells.cuh",))
