@@ -15,7 +15,7 @@ export OMPI_MCA_mpi_yield_when_idle := 1
 export MPIR_CVAR_ENABLE_HEAVY_YIELD := 1
 export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 
-.PHONY: demo test test-slow test-paper test-trixie test-wheels dist lint format bench bench-page numbers golden mutants docs \
+.PHONY: demo test test-slow test-paper test-trixie test-wheels dist lint format bench bench-page bench-peers numbers golden mutants docs \
   pictures linkcheck setup clean
 
 demo: .venv/.ready ## solve the box; show gap, picture and where the report is
@@ -51,8 +51,11 @@ format: .venv/.ready
 bench: .venv/.ready ## speed against dolfinx, flop rates, time to a gap, phases, growth, start-up; ten minutes, one core
 	$(PYTHON) benchmarks/run_all.py
 
-bench-page: .venv/.ready ## put the figures of 'make bench' into docs/performance.md
+bench-page: .venv/.ready ## put the figures of 'make bench' and 'make bench-peers' into docs
 	$(PYTHON) benchmarks/performance_page.py
+
+bench-peers: .venv/.ready ## the same problems in FElupe, NGSolve and dolfinx, set up in runs/peers-env; ten minutes, one core
+	$(PYTHON) benchmarks/peer_runs.py
 
 numbers: .venv/.ready ## all numbers of results in README and docs anew from runs; what was measured is kept in runs
 	scripts/refresh-numbers

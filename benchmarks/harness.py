@@ -110,14 +110,19 @@ def stack() -> str:
 
 
 def report(
-    name: str, title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], data: Mapping[str, Any]
+    name: str,
+    title: str,
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    data: Mapping[str, Any],
+    width: int = 132,
 ) -> None:
-    """Print a table and write ``runs/bench/<name>.json``."""
+    """Print a table of at most so many characters and write ``runs/bench/<name>.json``."""
     table = Table(title=title, title_justify="left")
     for n, heading in enumerate(columns):
         table.add_column(heading, justify="left" if n == 0 else "right")
     for row in rows:
         table.add_row(*row)
-    Console(highlight=False, width=132).print(table)
+    Console(highlight=False, width=width).print(table)
     RESULTS.mkdir(parents=True, exist_ok=True)
     (RESULTS / f"{name}.json").write_text(json.dumps({"machine": machine(), **data}, indent=1) + "\n")

@@ -1,4 +1,5 @@
-"""Write the figures of ``make bench`` into docs/performance.md and draw the roofline.
+"""Write the figures of ``make bench`` into docs/performance.md and draw the roofline; of ``make bench-peers``, if there
+are any, into docs/peers.md.
 
     python benchmarks/performance_page.py
 
@@ -8,16 +9,16 @@ Reads runs/bench/*.json. What stands between ``<!-- name -->`` and ``<!-- /name 
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import peer_tables
 import phases as phases_of_a_run
 from growth import COLUMNS, table_rows
 from harness import RESULTS
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from page_parts import fill, table
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE, PICTURE = ROOT / "docs" / "performance.md", ROOT / "docs" / "pictures" / "roofline.png"
@@ -27,12 +28,6 @@ def load(name: str) -> dict[str, Any]:
     """Results of one benchmark."""
     data: dict[str, Any] = json.loads((RESULTS / f"{name}.json").read_text())
     return data
-
-
-def table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Markdown table, numbers to the right."""
-    marks = ["---", *["---:"] * (len(heading) - 1)]
-    return "\n".join("| " + " | ".join(row) + " |" for row in (heading, marks, *rows))
 
 
 def assembly() -> str:
@@ -171,16 +166,11 @@ PARTS = {
 
 def main() -> None:
     """Rewrite the page and the picture."""
-    text = PAGE.read_text()
-    for name, write in PARTS.items():
-        pattern = re.compile(rf"(<!-- {name} -->\n).*?(\n?<!-- /{name} -->)", re.DOTALL)
-        if not pattern.search(text):
-            raise SystemExit(f"{PAGE} has no place for {name}")
-        body = write()
-        text = pattern.sub(lambda match, body=body: f"{match[1]}{body}\n<!-- /{match[0].split()[1]} -->", text)
-    PAGE.write_text(text)
+    fill(PAGE, PARTS)
     draw_roofline()
     print(f"{PAGE.relative_to(ROOT)} and {PICTURE.relative_to(ROOT)} written")
+    if peer_tables.RECORDED.is_file():  # 'make bench-peers' is asked for by itself
+        peer_tables.main()
 
 
 if __name__ == "__main__":

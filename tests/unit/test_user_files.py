@@ -104,3 +104,24 @@ def test_another_process_finds_the_function_in_the_file_again(directory: Path) -
     (directory / "mine.py").unlink()
     with pytest.raises(InputError, match=r"there is no file mine\.py"):
         pickle.loads(sent).resolve()
+
+
+NAMED_SOLID = """
+def solid(F, G, p, m):
+    J = F[0][0] * F[1][1] - F[0][1] * F[1][0]
+    return p.mu / 2 * (F[0][0] ** 2 + F[1][0] ** 2 + F[0][1] ** 2 + F[1][1] ** 2 - 2 - 2 * m.log(J))
+"""
+
+
+@pytest.mark.parametrize(
+    ("density", "parameters", "moduli"),
+    [("mine.py:solid", "{ mu = 3 }", None), ("tmc_vem.energy:solid", "{ K = 20, mu = 10 }", (20.0, 10.0))],
+)
+def test_a_name_says_nothing_about_moduli(directory: Path, density: str, parameters: str, moduli: object) -> None:
+    """Whether K and mu are moduli is known of the program's solid, not of a function that is called like it."""
+    (directory / "mine.py").write_text(NAMED_SOLID + BENDING.format(then=""))
+    (directory / "blocks.toml").write_text(OWN.replace('"mine.py:stiff"', f'"{density}"\nparameters = {parameters}', 1))
+    problem, options = read_problem(directory / "blocks.toml")
+    found = problem.regions()["block"].moduli
+    assert (None if found is None else (found.K, found.mu)) == moduli
+    assert run(problem, None, options).complete

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from codegen.integrand import Integrand, second_gradient_energy
-from tmc_vem.energy import Energy, hyperelastic_solid, third_medium
+from tmc_vem.energy import Energy, densities, hyperelastic_solid, third_medium
 from tmc_vem.mesh.make.outline import Arc
 from tmc_vem.mesh.polygon import PolygonMesh
 from tmc_vem.problems.graded import ByFormulas, OfMedium, OfSolid
@@ -56,7 +56,7 @@ class RegionEnergy:
         """K and mu at small strains, if they are known."""
         if self.material is not None:
             return self.material.moduli
-        return Moduli(self.values["K"], self.values["mu"]) if self.energy.name == "solid" else None
+        return Moduli(self.values["K"], self.values["mu"]) if self.energy.density is densities.solid else None
 
     @property
     def integrand(self) -> Integrand:
