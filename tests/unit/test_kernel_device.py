@@ -60,9 +60,9 @@ class CellsStruct(ctypes.Structure):
     _fields_ = (
         ("n_cells", ctypes.c_int64),
         *((name, ctypes.c_int32) for name in ("n_shapes", "n_basis", "n_points", "n_pieces")),
-        *((name, ctypes.c_int32) for name in ("n_first", "n_lower", "n_monomials", "n_translated")),
+        *((name, ctypes.c_int32) for name in ("n_first", "n_lower", "n_translated")),
         *((name, ctypes.c_void_p) for name in ("shape_c", "nodes_ca", "piece_q")),
-        *((name, ctypes.c_void_p) for name in ("w_sq", "monomial_sqm", "first_strma", "second_srma")),
+        *((name, ctypes.c_void_p) for name in ("w_sq", "first_sqm", "second_sqm", "first_strma", "second_srma")),
     )
 
 
@@ -70,9 +70,10 @@ def struct_of(cells: DeviceCells) -> CellsStruct:
     n_shapes, n_pieces, _, n_first, n_basis = cells.first_strma.shape
     return CellsStruct(
         len(cells.shape_c), n_shapes, n_basis, len(cells.piece_q), n_pieces,
-        n_first, cells.second_srma.shape[2], cells.monomial_sqm.shape[2], cells.n_translated,
+        n_first, cells.second_srma.shape[2], cells.n_translated,
         address(cells.shape_c), address(cells.nodes_ca), address(cells.piece_q),
-        address(cells.w_sq), address(cells.monomial_sqm), address(cells.first_strma), address(cells.second_srma),
+        address(cells.w_sq), address(cells.first_sqm), address(cells.second_sqm), address(cells.first_strma),
+        address(cells.second_srma),
     )  # fmt: skip
 
 

@@ -24,9 +24,9 @@ extern "C" __global__ void NAME_rows(cells of, double *__restrict__ B_sqra) {
     const long long row = first ? (s * of.n_pieces + of.piece_q[q]) * N_FIRST_ROWS + r
                                 : s * (N_ROWS - N_FIRST_ROWS) + r - N_FIRST_ROWS;
     const double *C_ma = (first ? of.first_strma : of.second_srma) + row * n_m * n_basis;
-    const double *monomial_m = of.monomial_sqm + (s * of.n_points + q) * of.n_monomials;
+    const double *value_m = (first ? of.first_sqm : of.second_sqm) + (s * of.n_points + q) * n_m;
     double sum = 0.0;
-    for (int m = 0; m < n_m; ++m) sum += monomial_m[m] * C_ma[m * n_basis + a];
+    for (int m = 0; m < n_m; ++m) sum += value_m[m] * C_ma[m * n_basis + a];
     B_sqra[n] = sum;
   }
 }

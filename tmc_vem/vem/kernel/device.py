@@ -27,7 +27,8 @@ class DeviceCells:
         nodes_ca: (n_cells, n_basis)
         piece_q: (n_points,)
         w_sq: (n_shapes, n_points)
-        monomial_sqm: (n_shapes, n_points, n_monomials)
+        first_sqm: (n_shapes, n_points, n_first)
+        second_sqm: (n_shapes, n_points, n_lower)
         first_strma: (n_shapes, n_pieces, 2, n_first, n_basis)
         second_srma: (n_shapes, 4, n_lower, n_basis); n_lower is 0 where there are no second derivatives.
         n_translated: see :class:`~tmc_vem.vem.kernel.batch.CellBatch`.
@@ -37,7 +38,8 @@ class DeviceCells:
     nodes_ca: Int32
     piece_q: Int32
     w_sq: Array
-    monomial_sqm: Array
+    first_sqm: Array
+    second_sqm: Array
     first_strma: Array
     second_srma: Array
     n_translated: int
@@ -46,16 +48,23 @@ class DeviceCells:
     def of_batch(batch: CellBatch) -> DeviceCells:
         """The arrays of a batch without friction; factors of its cells go to the kernels of points."""
         n_shapes = int(batch.shape_c.max(initial=-1)) + 1
-        first, second = batch.coefficients(np.arange(n_shapes))
-        rows = _derivatives(second, batch.inverse_h_s[:n_shapes])
-        degree = monomials.degree_of(max(first.shape[3], rows.shape[2]))
+        shapes = np.arange(n_shapes)
+        gradients, (xi_sqx, w_sq) = batch.gradients(shapes), batch.points(shapes)
+        rows = _derivatives(gradients.second_sxma, batch.inverse_h_s[:n_shapes])
+        basis = np.broadcast_to(np.eye(batch.n_basis), (n_shapes, batch.n_basis, batch.n_basis))
+        by_function = gradients.polynomials(basis)  # d/dx of all, then d/dy
+        first_stmra = by_function.reshape(*by_function.shape[:3], 2, batch.n_basis)
+        # monomials do not ask on which piece a point lies
+        first_sqm = gradients.values(xi_sqx) if batch.pieces else monomials.values(gradients.degree, xi_sqx)
+        second_sqm = monomials.values(monomials.degree_of(rows.shape[2]), xi_sqx)[:, :, : rows.shape[2]]
         return DeviceCells(
             shape_c=np.ascontiguousarray(batch.shape_c, dtype=np.int32),
             nodes_ca=np.ascontiguousarray(batch.nodes_ca, dtype=np.int32),
             piece_q=np.ascontiguousarray(batch.piece_q, dtype=np.int32),
-            w_sq=np.ascontiguousarray(batch.w_sq[:n_shapes]),
-            monomial_sqm=np.ascontiguousarray(monomials.values(degree, batch.xi_sqx[:n_shapes])),
-            first_strma=np.ascontiguousarray(first),
+            w_sq=np.ascontiguousarray(w_sq),
+            first_sqm=np.ascontiguousarray(first_sqm.reshape(n_shapes, batch.n_points, -1)),
+            second_sqm=np.ascontiguousarray(second_sqm),
+            first_strma=np.ascontiguousarray(np.moveaxis(first_stmra, 3, 2)),
             second_srma=rows,
             n_translated=batch.n_translated,
         )

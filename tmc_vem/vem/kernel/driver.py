@@ -19,10 +19,7 @@ CELL_DRIVER = Driver(
         LANE_PRODUCTS,
         STEP_LIMIT,
         PACKED_HESSIAN,
-        *(
-            HERE / name
-            for name in ("shapes.c", "friction.c", "polynomials.c", "residual.c", "smooth.c", "tangent.c", "entries.c")
-        ),
+        *(HERE / f"{name}.c" for name in CELLS),
     ),
 )
 
