@@ -135,6 +135,7 @@ def test_slopes_count_along_their_line_only_and_end_with_the_branch() -> None:
     assert not states.knows_slope(np.array([0.5, 0.2]))
     states.append(np.array([0.7, 0.0]), vector(0.7))  # one that is not known
     assert list(states.orders(np.array([0.9, 0.0]))) == [4, 2]
+    states.append(np.array([0.8, 0.0]), vector(0.8), Slope(np.array([1.0, 0.0]), vector(1.0)))
     states.forget()
     assert states.slopes == [None]
     assert list(states.orders(np.array([0.9, 0.0]))) == []
