@@ -301,7 +301,7 @@ def test_nothing_is_said_where_nothing_is_known() -> None:
 
 
 def iterations(*corrections: float, step: float = 1.0) -> list[Iteration]:
-    return [Iteration(1.0, c, step if n == 0 else 1.0) for n, c in enumerate(corrections)]
+    return [Iteration(1.0, 7.0, step if n == 0 else 1.0, c) for n, c in enumerate(corrections)]
 
 
 @pytest.mark.parametrize(

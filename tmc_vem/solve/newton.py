@@ -70,11 +70,13 @@ class NewtonOptions:
 
 @dataclass(frozen=True)
 class Iteration:
-    """One Newton iteration: relative residual before it, relative correction and the fraction of it that was taken."""
+    """One Newton iteration: relative residual before it, relative correction and the fraction of it that was taken; and
+    the correction's Euclidean norm relative to the domain, which does not depend on the axes."""
 
     residual: float
     correction: float
     step: float
+    length: float = 0.0
 
 
 # What is told of every iteration, with the number of those that a solver has done so far.
@@ -274,7 +276,8 @@ class NewtonSolver:
                 return NewtonResult(False, reason, evaluation, tuple(iterations), pivots)
             correction = self._direction.norm(3) / self.system.size  # 3 is PETSc's infinity norm
             step, evaluation = self._line_search(u, evaluation, expand=minimise and bool(pivots))
-            iterations.append(Iteration(residual / reference if reference else 0.0, correction, step))
+            length = self._direction.norm() / self.system.size
+            iterations.append(Iteration(residual / reference if reference else 0.0, correction, step, length))
             self.count(iterations[-1], on_iteration)
             if step == 0.0:
                 return NewtonResult(False, "the line search found no decrease", evaluation, tuple(iterations), pivots)

@@ -114,7 +114,7 @@ def reliable(solver: NewtonSolver, u: Vec, states: States, point: Float, highest
     if bend > 0.0 and len(orders) > 1:
         states.extrapolate(point, orders[1], second)
         second.axpy(-1.0, first)
-        error = bend / CONTRACTION * second.norm(3) / solver.system.size
+        error = bend / CONTRACTION * second.norm() / solver.system.size
     first.destroy()
     second.destroy()
     part = min(1.0, reach, error ** (-1.0 / (orders[1] + 1)) if error > 1.0 else 1.0)
@@ -122,10 +122,10 @@ def reliable(solver: NewtonSolver, u: Vec, states: States, point: Float, highest
 
 
 def bend_of(iterations: Sequence[Iteration], before: float) -> float:
-    """How fast the tangent turns: the second correction of Newton's method by the square of the first, both relative to
+    """How fast the tangent turns: the second correction of Newton's method by the square of the first, Euclidean norms relative to
     the domain; what was known before, if there is only one."""
-    if len(iterations) < 2 or iterations[0].correction == 0.0:
+    if len(iterations) < 2 or iterations[0].length == 0.0:
         return before
     first, second = iterations[:2]
-    shrunk = second.correction / first.correction if first.step == 1.0 else max(1.0, before * first.correction)
-    return shrunk / first.correction
+    shrunk = second.length / first.length if first.step == 1.0 else max(1.0, before * first.length)
+    return shrunk / first.length

@@ -166,7 +166,7 @@ class Attempt:
         far: the state is far from where it was predicted: it may be on another branch.
         refusal: of the last state on the way to it that has converged and was not admitted, if there was one.
         expected, moved: largest entry of the increment that was predicted and of the one that was found.
-        off: largest entry of their difference.
+        off: Euclidean norm of their difference.
     """
 
     result: NewtonResult
@@ -356,8 +356,8 @@ class LoadStepper:
         expected = increment.norm(3)
         result = self.solver.solve(trial, on_iteration=self.on_iteration)
         increment.waxpy(-1.0, usual, trial)
-        off = increment.norm(3)
-        far = off > max(FAR * expected, FAR_AT_LEAST * self.solver.system.size)
+        off = increment.norm()
+        far = increment.norm(3) > max(FAR * expected, FAR_AT_LEAST * self.solver.system.size)
         increment.waxpy(-1.0, u, trial)
         moved = increment.norm(3)
         usual.destroy()
