@@ -122,8 +122,8 @@ def reliable(solver: NewtonSolver, u: Vec, states: States, point: Float, highest
 
 
 def bend_of(iterations: Sequence[Iteration], before: float) -> float:
-    """How fast the tangent turns: the second correction of Newton's method by the square of the first, as Euclidean norms
-    relative to the domain; what was known before, if there is only one."""
+    """How fast the tangent turns: the second correction of Newton's method by the square of the first, in Euclidean
+    norms relative to the domain; what was known before, if there is only one."""
     if len(iterations) < 2 or iterations[0].length == 0.0:
         return before
     first, second = iterations[:2]
