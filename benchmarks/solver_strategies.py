@@ -36,9 +36,9 @@ class Strategy:
 
 
 STRATEGIES = {
-    "equal": Strategy(SteppingOptions(steps=100, order=1)),
-    "linear": Strategy(SteppingOptions(order=1, target_iterations=5, growth=1.5)),
-    "quadratic": Strategy(SteppingOptions(order=2)),
+    "equal": Strategy(SteppingOptions(steps=100, order=1, slopes=False)),
+    "linear": Strategy(SteppingOptions(order=1, target_iterations=5, growth=1.5, slopes=False, foresee=False)),
+    "cubic": Strategy(SteppingOptions(slopes=False, foresee=False)),
     "default": Strategy(),
     "continuation": Strategy(continuation={"gamma": 1e-4}),
 }

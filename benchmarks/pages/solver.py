@@ -53,11 +53,11 @@ def strategies(measure: Measure) -> str:
     rows.append(["0.1, 1e-07, `--interior-penalty penalty`", "", "", "", "", _entry(penalised)])
     equal = []
     for alpha_r, gamma in ((1.0, 1e-5), (0.1, 1e-6)):
-        runs = [measure(studies.effort, alpha_r, gamma, name)["iterations"] for name in ("equal", "quadratic")]
+        runs = [measure(studies.effort, alpha_r, gamma, name)["iterations"] for name in ("equal", "cubic")]
         equal.append(f"{runs[0]} iterations and {runs[1]} iterations at ({alpha_r:g}, {gamma:.0e})")
     head = ("alpha_r, gamma", *(f"{method.upper()} {name}" for method, name in columns))
     text = (
-        "A hundred equal steps with linear extrapolation, and automatic ones with quadratic extrapolation, take "
+        "A hundred equal steps with linear extrapolation, and automatic ones with `cubic`, take "
         f"{', and '.join(equal)}."
     )
     return f"{table(head, rows)}\n\n{text}"

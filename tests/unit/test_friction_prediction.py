@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +16,10 @@ from tmc_vem.simulation.simulation import prepare, stepping_of
 from tmc_vem.solve.friction_steps import MOST_ITERATIONS
 from tmc_vem.solve.newton import NewtonSolver
 from tmc_vem.solve.path import load_path
+from tmc_vem.solve.prediction import extrapolate
+from tmc_vem.solve.sizes import StepSizes
 from tmc_vem.solve.states import States
-from tmc_vem.solve.stepping import LoadStepper, StepperState
+from tmc_vem.solve.stepping import LoadStepper
 
 
 def stepper(friction: bool) -> LoadStepper:
@@ -36,7 +37,8 @@ def test_steps_with_friction_start_from_the_last_two_states(friction: bool, coef
         u.set(value)
         states.append(moving.path.vector(moving.path.at(0.1 * n)), u)
     trial: Any = u.duplicate()
-    assert moving._extrapolate(u, states, trial, 0.4)
+    point = moving.path.vector(moving.path.at(0.4))
+    assert extrapolate(moving.solver, u, states, point, moving.options.order, trial)
     np.testing.assert_allclose(trial.getArray(), coefficients @ values, rtol=1e-9)
 
 
@@ -44,8 +46,9 @@ def test_steps_with_friction_start_from_the_last_two_states(friction: bool, coef
     (True, 39, 2.0), (True, 40, 1.0), (True, 50, 0.8), (False, 3, 2.0), (False, 5, 0.8), (False, 15, 0.5),
 ])  # fmt: skip
 def test_steps_with_friction_may_take_more_iterations(friction: bool, iterations: int, factor: float) -> None:
-    position = replace(StepperState(), time=0.2, size=0.1)
-    assert stepper(friction)._next_size(position, 0.3, iterations, was_cut=False) == pytest.approx(0.1 * factor)
+    moving = stepper(friction)
+    sizes = StepSizes(moving.options, moving.path)
+    assert sizes.following(0.1, 0.1, 0.3, iterations, was_cut=False) == pytest.approx(0.1 * factor)
 
 
 def test_slip_is_worth_more_iterations(tmp_path: Path) -> None:

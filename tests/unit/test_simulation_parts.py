@@ -265,7 +265,7 @@ def test_the_content_of_a_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyP
     made(1.0).write(tmp_path)
     with np.load(tmp_path / "checkpoint.npz") as file:
         assert sorted(file) == ["facts", "labels_nz", "parts", "schema", "sha256", "states_sni"]
-        assert (int(file["schema"]), json.loads(str(file["facts"])), str(file["parts"])) == (3, {"number": 1.0}, "{}")
+        assert (int(file["schema"]), json.loads(str(file["facts"])), str(file["parts"])) == (4, {"number": 1.0}, "{}")
         assert file["states_sni"].tolist() == made(1.0).states_sni.tolist()
         assert file["labels_nz"].tolist() == LABELS.tolist()
     made(2.0).write(tmp_path, durable=False)
@@ -302,8 +302,8 @@ def test_parts_that_no_checkpoint_needs_go(tmp_path: Path) -> None:
 
 def test_checkpoints_of_other_versions_and_changed_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made(1.0).write(tmp_path)
-    monkeypatch.setattr(checkpoints, "SCHEMA", 4)
-    with pytest.raises(ValueError, match="it was written by another version: schema 3, here 4"):
+    monkeypatch.setattr(checkpoints, "SCHEMA", 5)
+    with pytest.raises(ValueError, match="it was written by another version: schema 4, here 5"):
         checkpoints._read(tmp_path / "checkpoint.npz")
     monkeypatch.undo()
     with np.load(tmp_path / "checkpoint.npz") as file:

@@ -71,7 +71,7 @@ def test_converges_quadratically():
     assert all(i.step == 1.0 for i in result.iterations[-3:])
 
 
-@pytest.mark.parametrize("uy", [-0.05, -0.3])
+@pytest.mark.parametrize("uy", [-0.1, -0.3])
 def test_a_tangent_is_used_again_near_the_solution_only(uy):
     """Fewer tangents, the same state; never one older than an iteration, never after a large correction."""
     states, tangents = [], []
@@ -80,7 +80,7 @@ def test_a_tangent_is_used_again_near_the_solution_only(uy):
         calls = []
         original = system.jacobian
         system.jacobian = lambda u, out, calls=calls, original=original: (calls.append(1), original(u, out))[1]
-        solver = NewtonSolver(system, NewtonOptions(residual=1e-10, correction=1e-9, reuse=reuse))
+        solver = NewtonSolver(system, NewtonOptions(correction=1e-9, reuse=reuse))
         u = predicted(solver)
         calls.clear()
         result = solver.solve(u)

@@ -17,6 +17,8 @@ from tmc_vem.solve.arclength import ArcLengthStepper, ArcOptions
 from tmc_vem.solve.budget import Budget, OutOfBudget
 from tmc_vem.solve.newton import NewtonResult, NewtonSolver
 from tmc_vem.solve.path import ControlPath, load_path
+from tmc_vem.solve.prediction import extrapolate
+from tmc_vem.solve.sizes import StepSizes
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import REMEDY, LoadStepper, StepperState, SteppingOptions
 from tmc_vem.support.errors import EvaluationError, InputError
@@ -132,8 +134,8 @@ def run(system: Spring, path: ControlPath | None = None, **options: Any) -> tupl
         ({"first": 0.2}, "load step sizes need 0 < smallest <= first <= largest <= 1, got 1e-05, 0.2, 0.1"),
         ({"smallest": 0.0}, "load step sizes need 0 < smallest <= first <= largest <= 1, got 0, 0.01, 0.1"),
         ({"smallest": -1e-5}, "load step sizes need 0 < smallest <= first <= largest <= 1, got -1e-05, 0.01, 0.1"),
-        ({"order": 0}, "extrapolation of order 0: use 1 to 3"),
-        ({"order": 4}, "extrapolation of order 4: use 1 to 3"),
+        ({"order": 0}, "extrapolation of order 0: use 1 to 5"),
+        ({"order": 6}, "extrapolation of order 6: use 1 to 5"),
     ],
 )
 def test_step_sizes_are_checked(options: dict[str, Any], message: str) -> None:
@@ -143,7 +145,7 @@ def test_step_sizes_are_checked(options: dict[str, Any], message: str) -> None:
 
 
 def test_the_limits_of_step_sizes_themselves_are_allowed() -> None:
-    assert SteppingOptions(steps=1_000_000, order=3).steps == 1_000_000
+    assert SteppingOptions(steps=1_000_000, order=5).steps == 1_000_000
     assert SteppingOptions(steps=1, order=1, smallest=1.0, first=1.0, largest=1.0).first == 1.0
 
 
@@ -184,11 +186,12 @@ def test_steps_grow_by_two_up_to_the_largest_and_hit_what_must_be_hit(
     ],
 )
 def test_the_next_size(position: StepperState, target: float, iterations: int, cut: bool, size: float) -> None:
-    stepper = LoadStepper(NewtonSolver(Spring()), SteppingOptions(largest=0.25))
-    assert stepper._next_size(position, target, iterations, cut) == pytest.approx(size)
-    equal = LoadStepper(NewtonSolver(Spring()), SteppingOptions(steps=5))
+    automatic, equal = (
+        StepSizes(options, load_path()) for options in (SteppingOptions(largest=0.25), SteppingOptions(5))
+    )
     taken = target - position.time
-    assert equal._next_size(position, target, iterations, cut) == pytest.approx(taken if cut else 0.2)
+    assert automatic.following(position.size, taken, target, iterations, cut) == pytest.approx(size)
+    assert equal.following(position.size, taken, target, iterations, cut) == pytest.approx(taken if cut else 0.2)
 
 
 class Narrow(Spring):
@@ -210,13 +213,13 @@ def test_the_highest_extrapolation_that_stays_before_the_boundary_is_taken(
 ) -> None:
     """States t^3 at 0, 1 and 2 on the way to 3: 27, 21 and 15 by cubic, parabola and line; the last one is 8."""
     system = Narrow()
-    stepper = LoadStepper(NewtonSolver(system), SteppingOptions(order=order), path=load_path((0.0, 4.0)))
+    solver = NewtonSolver(system)
     states = States(at(0, 0))
     for t in (-1.0, 0.0, 1.0, 2.0):
         states.append(np.array([t]), at(0.0, t**3))
     u, trial = at(0.0, 8.0), at(0.0, 0.0)
     system.room = room
-    assert stepper._extrapolate(u, states, trial, 3.0) is found
+    assert bool(extrapolate(solver, u, states, np.array([3.0]), order, trial)) is found
     assert trial.getArray()[1] == pytest.approx(reached)
 
 
@@ -301,15 +304,15 @@ def test_a_state_far_from_the_predicted_one_is_on_another_branch() -> None:
             return NewtonResult(True, "converged", evaluation)
 
         solver.solve = moved  # type: ignore[method-assign]
-        assert stepper._solve(u, trial).far is far
+        assert stepper._solve(u, trial, trial.copy()).far is far
 
 
 def test_after_a_jump_the_states_before_it_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
     """The second of three steps finds a state on another branch."""
     kept, jumped, real = list[int](), list[bool](), LoadStepper._solve
 
-    def solve(stepper: LoadStepper, u: Any, trial: Any) -> Any:
-        attempt = real(stepper, u, trial)
+    def solve(stepper: LoadStepper, u: Any, trial: Any, usual: Any) -> Any:
+        attempt = real(stepper, u, trial, usual)
         return replace(attempt, far=len(kept) == 1)
 
     monkeypatch.setattr(LoadStepper, "_solve", solve)

@@ -91,18 +91,35 @@ def test_a_residual_that_falls_still_goes_on() -> None:
 
 @pytest.mark.parametrize(
     ("start", "reuse", "minimise", "tangents"),
-    [(0.5 + 0.9e-5, 1e-5, False, 2), (0.5 + 2.2e-5, 1e-5, False, 3), (0.5 + 0.9e-5, 0.0, False, 4),
+    [(0.5 + 0.9e-5, 1e-5, False, 3), (0.5 + 1.2e-5, 1e-5, False, 3), (0.5 + 1.3e-5, 1e-5, False, 4),
+     (0.5 + 0.9e-5, 9e-8, False, 3), (0.5 + 0.9e-5, 7e-8, False, 4), (0.5 + 0.9e-5, 0.0, False, 4),
      (0.5 + 0.9e-5, 1e-5, True, 4)],
 )  # fmt: skip
 def test_a_tangent_serves_twice_after_a_small_correction(
     start: float, reuse: float, minimise: bool, tangents: int
 ) -> None:
-    """Four iterations, each with a tenth of the correction before."""
+    """Four iterations, each with a tenth of the residual before; the last one has 4 times the start's distance from 1/2
+    by 1000, and twice a tenth of it has to be below 1e-8."""
     system = stiff(1.0 / 0.9)
     result, _ = solved(
         system, start, reuse=reuse, minimise=minimise, residual=1e-8, stalled_residual=0.0, correction=1.0
     )
     assert (result.converged, len(result.iterations), system.tangents) == (True, 4, tangents)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "reuse", "iterations"), [(9.7e-6, 0.0, 2), (9.5e-6, 0.0, 3), (1e-4, 0.0, 2), (9.7e-6, 0.1, 3)]
+)
+def test_a_correction_that_is_expected_need_not_be_computed(tolerance: float, reuse: float, iterations: int) -> None:
+    """Gradient 2 y + 2 y^2 with y = x - 1/2: y becomes y^2 / (1 + 2 y), so that 1e-2, 9.804e-5 and 9.61e-9 is the way.
+    The third correction is known after the second, 1e-4 long, if both have had tangents of their own."""
+    quadratic = Spring(
+        energy=lambda x, d: (x - 0.5) ** 2 + 2.0 / 3.0 * (x - 0.5) ** 3,
+        gradient=lambda x, d: (2.0 * (x - 0.5) + 2.0 * (x - 0.5) ** 2, 1.0),
+        hessian=lambda x, d: (2.0 + 4.0 * (x - 0.5), 0.0, 1.0),
+    )
+    result, _ = solved(quadratic, 0.51, residual=1.0, correction=tolerance, reuse=reuse)
+    assert (result.converged, len(result.iterations)) == (True, iterations)
 
 
 def test_a_line_search_that_finds_nothing_puts_the_state_back() -> None:

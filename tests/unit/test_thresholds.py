@@ -22,9 +22,10 @@ THRESHOLDS: dict[str, dict[str, Any]] = {
     "solve.newton": {
         "TO_THE_BOUNDARY": 0.9, "ARMIJO": 1e-4, "SHORTEST_STEP": 1e-4, "STALLED": 0.3, "NEAR_EQUILIBRIUM": 1e-4,
         "SMALLEST_SHIFT": 1e-9, "LARGEST_SHIFT": 10.0, "ENERGY_ROUNDING": 1e-12, "SMALLEST_REACTION": 1e-6,
+        "EXPECTED": 1e-3, "SLOWER": 2.0,
     },
     "solve.stepping": {
-        "DONE": 1e-12, "JUMP": 100.0, "FAR": 3.0, "FAR_AT_LEAST": 1e-3, "DETOURS": (10.0, 100.0),
+        "JUMP": 100.0, "FAR": 3.0, "FAR_AT_LEAST": 1e-3, "DETOURS": (10.0, 100.0),
         "STIFFER": (10.0, 100.0, 1000.0),
     },
     "solve.arclength": {"DIVERGED": 1e3, "STRAIGHT": 1.4},
@@ -35,7 +36,12 @@ THRESHOLDS: dict[str, dict[str, Any]] = {
         "PARALLEL_ORDERINGS": {1: "PT-SCOTCH", 2: "ParMETIS"},
     },
     "solve.path": {"DECADE": 0.2, "CLOSE": 1e-12},
-    "solve.states": {"ORDER": 3, "ON_LINE": 1e-9},
+    "solve.states": {"ORDER": 5, "KEPT": 4, "SLOPES_KEPT": 3, "ON_LINE": 1e-9},
+    "solve.prediction": {
+        "SMALL_WAY": 1e-6, "SOLUTIONS": 2, "WORTH": 1e-3, "WRONG": 0.5, "REACH": 2.0, "CONTRACTION": 0.1,
+        "A_LITTLE_LESS": 0.95, "LEAST": 0.25, "CUTS": 5,
+    },
+    "solve.sizes": {"DONE": 1e-12},
     "problems.hints": {"ENOUGH_ALPHA": 2.5, "SHORT_LENGTH": 0.25, "NEAR": 0.5, "NEAR_CORNER": 0.75, "AT_CORNER": 0.1},
     "problems.examine": {"STIFF": 1e3, "ABSURD": 1e6, "FAR": 2.0, "SAME": 1e-9},
     "problems.box": {"VORONOI_SIZE": 1.2, "WIDEST": 0.7},
@@ -53,7 +59,7 @@ THRESHOLDS: dict[str, dict[str, Any]] = {
         "MARKS": ("result.json", "run.json", "command.json", "checkpoint.npz"),
     },
     "results.vtu": {"BLOCK": 2**20, "STORED": 0, "COMPRESSED": 1},
-    "simulation.checkpoint": {"SCHEMA": 3, "DURABLE": 10.0, "TOLERANCE": 1e-9, "PARTS": "checkpoint-part-*.npz"},
+    "simulation.checkpoint": {"SCHEMA": 4, "DURABLE": 10.0, "TOLERANCE": 1e-9, "PARTS": "checkpoint-part-*.npz"},
     "simulation.discretised": {"MEDIUM_COST": 2.5},
     "simulation.overlap": {"SQUEEZED": 0.1, "PIECES": 8, "PASSED": 0.25, "PER_THICKNESS": 4.0, "MOST_BETWEEN": 64},
     "simulation.plan": {"LONGEST_BRANCH": 10},
@@ -87,7 +93,7 @@ def test_angles_of_hints() -> None:
 
 def test_defaults_of_solvers() -> None:
     assert NewtonOptions() == NewtonOptions(1e-8, 1e-7, 1e-6, 1e-5, 20)
-    assert SteppingOptions() == SteppingOptions(None, 0.01, 0.1, 1e-5, 4, 2.0, 3)
+    assert SteppingOptions() == SteppingOptions(None, 0.01, 0.1, 1e-5, 4, 2.0, 5, True, True)
     assert ArcOptions() == ArcOptions(0.01, 0.1, 1e-6, 4, 1.5, 12, 5000)
 
 

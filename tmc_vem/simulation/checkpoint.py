@@ -34,7 +34,7 @@ from tmc_vem.support.files import whole_file
 Float = NDArray[np.float64]
 
 PARTS = "checkpoint-part-*.npz"
-SCHEMA = 3
+SCHEMA = 4
 DURABLE = 10.0  # seconds of a run that a power cut may cost
 _ARRAYS = ("labels_nz", "states_sni")
 _OF_FRICTION = ("points_px", "shear_kp")  # which other checkpoints do not have
@@ -49,7 +49,8 @@ class Checkpoint:
     Attributes:
         facts: inputs of the run, position of the load stepper and records so far, as plain values.
         labels_nz: (n_nodes, 3) labels of the nodes; nodes shared by ranks may stand there more than once.
-        states_sni: (n_states, n_nodes, 2) displacements at the last converged steps, the newest at the end.
+        states_sni: (n_states, n_nodes, 2) displacements at the last converged steps, the newest at the end, and what
+            else is kept of nodes, see :mod:`tmc_vem.simulation.saved`.
         points_px: (n_points, 2) quadrature points with friction.
         shear_kp: (n_beginnings, n_points) Kirchhoff shear reached there where steps began.
     """

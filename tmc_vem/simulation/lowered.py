@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from tmc_vem.results.records import StepRecord
+from tmc_vem.simulation.saved import facts_of
 from tmc_vem.solve.friction_steps import FrictionRecord
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import StepperState
@@ -34,7 +35,7 @@ class Descending:
         return {
             "start": self.start,
             "records": [asdict(record) for record in self.records],
-            "controls": [control.tolist() for control in self.states.controls],
+            **facts_of(self.states),
             "position": asdict(self.position),
             "passed": self.passed,
         }

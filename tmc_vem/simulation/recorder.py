@@ -36,7 +36,7 @@ from tmc_vem.simulation.measured import LoadGauge, Reading
 from tmc_vem.simulation.monitor import Monitor
 from tmc_vem.simulation.overlap import OverlapWatch
 from tmc_vem.simulation.provenance import versions
-from tmc_vem.simulation.saved import Saved
+from tmc_vem.simulation.saved import Saved, facts_of
 from tmc_vem.simulation.words import reported, title_of, units_of_columns
 from tmc_vem.solve.states import States
 from tmc_vem.solve.stepping import Step, StepperState, SteppingResult
@@ -459,7 +459,7 @@ class Recorder:
                 "stage": stage,
                 "inputs": self.inputs,
                 "position": asdict(position),
-                "controls": [control.tolist() for control in states.controls],
+                **facts_of(states),
                 "history": self._plain_history,
                 "snapshots": self._snapshots.entries if self._snapshots else [],
             }

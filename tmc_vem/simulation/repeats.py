@@ -18,8 +18,9 @@ from tmc_vem.solve.budget import Budget, OutOfBudget
 from tmc_vem.solve.friction_steps import FrictionSteps
 from tmc_vem.solve.newton import NewtonSolver, OnIteration
 from tmc_vem.solve.path import ControlPath
+from tmc_vem.solve.sizes import DONE
 from tmc_vem.solve.states import Beginning, States
-from tmc_vem.solve.stepping import DONE, LoadStepper, Step, StepperState, SteppingOptions
+from tmc_vem.solve.stepping import LoadStepper, Step, StepperState, SteppingOptions
 from tmc_vem.support.distributed import Vec
 from tmc_vem.system.control import Control
 from tmc_vem.system.discretisation import Discretisation

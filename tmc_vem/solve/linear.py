@@ -150,6 +150,11 @@ class LinearSolver:
         return self._factor.ordering if self._factor is not None else ""
 
     @property
+    def has_factors(self) -> bool:
+        """Whether the last matrix is factorised, and nothing else is needed to solve with it."""
+        return self._factor is not None and not self._factor.failed
+
+    @property
     def lacks_memory(self) -> bool:
         """Whether the last factorisation failed because memory was short: no other matrix of this size will do."""
         return self._factor is not None and self._factor.lacks_memory

@@ -7,7 +7,7 @@ its line search gives up on NaN instead of shortening the step.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -25,6 +25,10 @@ TO_THE_BOUNDARY = 0.9
 # Sufficient decrease of the potential, as a fraction of what the slope promises (Armijo).
 ARMIJO = 1e-4
 SHORTEST_STEP = 1e-4
+# Part of the tolerance for corrections that the next one has to be below where it is expected and not computed.
+EXPECTED = 1e-3
+# By how much more slowly the residual falls with the tangent of the iteration before, than the last one fell.
+SLOWER = 2.0
 STALLED = 0.3  # a residual above this fraction of the one before, where Newton converges quadratically, does not fall
 # Multiples of the tangent's diagonal that are added where the tangent is indefinite.
 NEAR_EQUILIBRIUM = 1e-4
@@ -48,11 +52,12 @@ class NewtonOptions:
     Attributes:
         residual: largest norm of the residual at free degrees of freedom, relative to the norm with the reactions.
         correction: largest entry of the last full Newton correction, relative to the size of the domain. As the
-            iteration converges quadratically, the error left is about the square of it.
+            iteration converges quadratically, the error left is far below it; two full corrections that say the next
+            one will be below a thousandth of this are as good.
         stalled_residual: the same, for a residual that has stopped falling while the corrections are within their
             tolerance: what is left is rounding.
         reuse: correction, relative to the size of the domain, from which on the next iteration takes the tangent and
-            its factors again, once; 0 for never. Near the solution both directions differ by no more than that.
+            its factors again, once, if the residual has fallen so fast that this is expected to be enough; 0 for never.
         max_iterations: after which the load step is given up.
     """
 
@@ -65,11 +70,13 @@ class NewtonOptions:
 
 @dataclass(frozen=True)
 class Iteration:
-    """One Newton iteration: relative residual before it, relative correction and the fraction of it that was taken."""
+    """One Newton iteration: relative residual before it, relative correction and the fraction of it that was taken; and
+    the correction's Euclidean norm relative to the domain, which does not depend on the axes."""
 
     residual: float
     correction: float
     step: float
+    length: float = 0.0
 
 
 # What is told of every iteration, with the number of those that a solver has done so far.
@@ -153,6 +160,11 @@ class NewtonSolver:
         return self.system.constrained()
 
     @property
+    def has_factors(self) -> bool:
+        """Whether there are factors of the last tangent, as it is, with which to solve costs little."""
+        return self._linear.has_factors and not self._shifted
+
+    @property
     def ordering(self) -> str:
         """What the linear solver has ordered the unknowns by; empty if it is no factorisation."""
         return self._linear.ordering
@@ -234,16 +246,19 @@ class NewtonSolver:
                 STALLED * before * reference <= residual <= self.options.stalled_residual * reference
             )
             full = step == 1.0 and damping == 0.0
-            if small and full and correction <= self.options.correction and not (minimise and pivots):
+            close = correction <= self.options.correction or (
+                not (reused or slips) and _next_correction(iterations) <= EXPECTED * self.options.correction
+            )
+            if small and full and close and not (minimise and pivots):
                 return self.converged(u, evaluation, tuple(iterations), pivots)
             if len(iterations) >= limit:
                 reason = f"no convergence in {limit} iterations (residual {residual / reference:.1e})"
                 return NewtonResult(False, reason, evaluation, tuple(iterations), pivots)
 
             # the tangent of the iteration before is as good as a new one where the state has hardly changed since
-            reused = (
-                not (reused or self._shifted or minimise or slips) and step == 1.0 and correction <= self.options.reuse
-            )
+            near = step == 1.0 and correction <= self.options.reuse and residual > 0.0
+            enough = near and SLOWER * (residual / reference) ** 2 <= self.options.residual * before
+            reused = not (reused or self._shifted or minimise or slips) and enough
             if not reused:
                 damping = _damping(damping, step) if slips and iterations else 0.0
                 self.system.damp_slip(damping)
@@ -261,7 +276,8 @@ class NewtonSolver:
                 return NewtonResult(False, reason, evaluation, tuple(iterations), pivots)
             correction = self._direction.norm(3) / self.system.size  # 3 is PETSc's infinity norm
             step, evaluation = self._line_search(u, evaluation, expand=minimise and bool(pivots))
-            iterations.append(Iteration(residual / reference if reference else 0.0, correction, step))
+            length = self._direction.norm() / self.system.size
+            iterations.append(Iteration(residual / reference if reference else 0.0, correction, step, length))
             self.count(iterations[-1], on_iteration)
             if step == 0.0:
                 return NewtonResult(False, "the line search found no decrease", evaluation, tuple(iterations), pivots)
@@ -451,6 +467,14 @@ class NewtonSolver:
 
     def _clear_constrained(self, vector: Vec) -> None:
         vector.getArray()[self._constrained] = 0.0
+
+
+def _next_correction(iterations: Sequence[Iteration]) -> float:
+    """Relative correction that is expected after two full ones, by their quadratic convergence."""
+    if len(iterations) < 2 or any(iteration.step < 1.0 for iteration in iterations[-2:]):
+        return math.inf
+    before, last = (iteration.correction for iteration in iterations[-2:])
+    return last * (last / before) ** 2 if before > 0.0 else math.inf
 
 
 def _damping(before: float, step: float) -> float:

@@ -11,7 +11,9 @@ from tmc_vem.solve.budget import OutOfBudget
 from tmc_vem.solve.friction_steps import FrictionRecord, FrictionSteps
 from tmc_vem.solve.newton import NewtonResult, NewtonSolver, OnIteration
 from tmc_vem.solve.path import ControlPath, load_path
-from tmc_vem.solve.states import ORDER, States
+from tmc_vem.solve.prediction import CUTS, SMALL_WAY, WORTH, bend_of, extrapolate, reliable, slope_of
+from tmc_vem.solve.sizes import DONE, StepSizes
+from tmc_vem.solve.states import ORDER, Slope, States
 from tmc_vem.support.distributed import Vec
 from tmc_vem.support.errors import EvaluationError, InputError
 from tmc_vem.system.control import Control
@@ -19,7 +21,6 @@ from tmc_vem.system.discretisation import Evaluation, Refused
 
 P = ParamSpec("P")
 
-DONE = 1e-12
 # Way over which a new branch is looked for where the old one ends, in units of the smallest step; also the longest step
 # that may end on another branch.
 JUMP = 100.0
@@ -44,6 +45,8 @@ class SteppingOptions:
         target_iterations: automatic steps grow while they need fewer iterations than this, and shrink above it.
         growth: largest factor between two steps.
         order: of the polynomial that is extrapolated through the last states, as far as there are enough of them.
+        slopes: extrapolate along the slopes of the last states as well.
+        foresee: automatic steps are no longer than extrapolation can be relied on.
     """
 
     steps: int | None = None
@@ -53,6 +56,8 @@ class SteppingOptions:
     target_iterations: int = 4
     growth: float = 2.0
     order: int = ORDER
+    slopes: bool = True
+    foresee: bool = True
 
     def __post_init__(self) -> None:
         if self.steps is not None and not 1 <= self.steps <= 1_000_000:
@@ -106,6 +111,7 @@ class StepperState:
         far_at: the last time at which a state was found far from its prediction, in a step that was halved then.
         rate: the increment that was predicted then, per time.
         friction: how far friction has been behind so far.
+        bend: how fast the tangent turned in the last step, see :func:`tmc_vem.solve.prediction.bend_of`.
         shift: of the last indefinite tangent, see :class:`tmc_vem.solve.newton.NewtonSolver`.
     """
 
@@ -116,6 +122,7 @@ class StepperState:
     far_at: float = 0.0
     rate: float = 0.0
     friction: FrictionRecord = field(default_factory=FrictionRecord)
+    bend: float = 0.0
     shift: float = 0.0
 
 
@@ -159,6 +166,7 @@ class Attempt:
         far: the state is far from where it was predicted: it may be on another branch.
         refusal: of the last state on the way to it that has converged and was not admitted, if there was one.
         expected, moved: largest entry of the increment that was predicted and of the one that was found.
+        off: Euclidean norm of their difference.
     """
 
     result: NewtonResult
@@ -166,6 +174,7 @@ class Attempt:
     refusal: Refused | None = None
     expected: float = 0.0
     moved: float = 0.0
+    off: float = 0.0
 
 
 @dataclass
@@ -196,11 +205,15 @@ class LoadStepper:
     jumps: bool = True
     friction: FrictionSteps = field(default_factory=FrictionSteps)
 
+    @property
+    def _sizes(self) -> StepSizes:
+        return StepSizes(self.options, self.path)
+
     def start(self, u: Vec) -> tuple[States, StepperState]:
         """States and position at the beginning of the path."""
         states = States(u)
         states.append(self.path.vector(self.path.at(0.0)), u)
-        return states, StepperState(size=self._first_size(0.0))
+        return states, StepperState(size=self._sizes.first(0.0))
 
     def run(self, u: Vec, states: States | None = None, position: StepperState | None = None) -> SteppingResult:
         """Go to the end of the path.
@@ -222,7 +235,7 @@ class LoadStepper:
         try:
             while position.time < self.path.end - DONE:
                 begun = begun or self.friction.begin(u)
-                target = self._target(position)
+                target = self._foreseen(u, states, position)
                 attempt = _outcome(self._attempt, u, states, trial, position.time, target)
                 result, jumped = attempt.result, attempt.far
                 if result.converged and self._to_be_halved(attempt, position, target):
@@ -240,7 +253,7 @@ class LoadStepper:
                     if position.size >= self.options.smallest:
                         continue
                     # the branch that was followed may have ended, at a limit point or a bifurcation
-                    target, jumped = self._target(replace(position, size=JUMP * self.options.smallest)), True
+                    target, jumped = self._sizes.target(position.time, JUMP * self.options.smallest), True
                     other = Attempt(result)
                     if self.jumps:
                         other = _outcome(self._other_branch, u, trial, position.time, target)
@@ -266,19 +279,23 @@ class LoadStepper:
                     continue
                 trial.copy(u)
                 assert result.residual is not None  # it has converged
+                bend = bend_of(result.iterations, position.bend)
+                easy = bool(self.options.steps) and bend * attempt.off <= WORTH * self.solver.system.size
+                slope = None if jumped or easy else self._slope(u, result.residual, target)
                 self.solver.system.accept(u, result.residual, self.path.at(target))
-                states.append(self.path.vector(self.path.at(target)), u)
+                states.append(self.path.vector(self.path.at(target)), u, slope)
                 if jumped:  # there is nothing to extrapolate across a jump to another branch, nor to compare with
                     states.forget()
                     position = replace(position, far_at=0.0)
                 elif self.path.is_kink(target) or (self.friction.is_there and self.path.is_corner(target)):
                     states.forget()  # nor across a kink of what is prescribed, or back along a way with friction
-                size = self._next_size(position, target, len(result.iterations), cut_backs > 0 and not jumped)
+                was_cut, taken = cut_backs > 0 and not jumped, target - position.time
+                size = self._sizes.following(position.size, taken, target, len(result.iterations), was_cut)
                 if not self.options.steps:
-                    size = min(size, self.friction.largest_next(error, target - position.time, leg))
+                    size = min(size, self.friction.largest_next(error, taken, leg))
                 behind = position.friction.with_step(lag, self.path.at(target).load)
                 position = replace(position, time=target, size=size, number=position.number + 1, friction=behind)
-                position = replace(position, shift=self.solver.last_shift)
+                position = replace(position, bend=bend, shift=self.solver.last_shift)
                 states.beginning, begun, failed = begun, None, False
                 wasted = self.solver.iterations_done - done - len(result.iterations)
                 last = Step(position.number, target, self.path.at(target), result, cut_backs, wasted, jumped)
@@ -306,14 +323,22 @@ class LoadStepper:
     def _attempt(self, u: Vec, states: States, trial: Vec, now: float, target: float) -> Attempt:
         """Try to find equilibrium at ``target`` in ``trial``, starting from an extrapolation or the tangent."""
         control, far, expected, refusal = self._control(target), False, 0.0, None
-        if self._extrapolate(u, states, trial, target):
+        point = self.path.vector(control)
+        order = extrapolate(self.solver, u, states, point, self.options.order, trial)
+        if order:
             self.solver.set_prescribed(trial, control)
-            attempt = self._solve(u, trial)
+            # slopes grow without limit where a branch ends, and would predict any other one
+            usual = trial.copy()
+            if extrapolate(self.solver, u, states, point, self.options.order, usual, slopes=False):
+                self.solver.set_prescribed(usual, control)
+            else:
+                trial.copy(usual)
+            attempt = self._solve(u, trial, usual)
             if attempt.result.converged:
                 return attempt
             far, expected, refusal = attempt.far, attempt.expected, attempt.refusal
-        if self.solver.predict(u, control, trial):
-            attempt = self._solve(u, trial)
+        if self._tangent(u, states, trial, target, order):
+            attempt = self._solve(u, trial, trial.copy())
             return replace(attempt, refusal=attempt.refusal or refusal)
         if control.load == self.path.at(now).load:  # parameters change, and the old state is admissible still
             u.copy(trial)
@@ -324,19 +349,20 @@ class LoadStepper:
         reason = f"no predictor{complaint}" if complaint else f"the predictor inverts the mesh ({evaluation.worst})"
         return Attempt(NewtonResult(False, reason, evaluation), refusal=refusal)
 
-    def _solve(self, u: Vec, trial: Vec) -> Attempt:
-        """Find equilibrium from a predicted state."""
-        predicted, increment = trial.copy(), trial.copy()
-        increment.axpy(-1.0, u)
+    def _solve(self, u: Vec, trial: Vec, usual: Vec) -> Attempt:
+        """Find equilibrium from a predicted state; the usual one, which is destroyed, says what is far."""
+        increment = u.duplicate()
+        increment.waxpy(-1.0, u, usual)
         expected = increment.norm(3)
         result = self.solver.solve(trial, on_iteration=self.on_iteration)
-        increment.waxpy(-1.0, predicted, trial)
+        increment.waxpy(-1.0, usual, trial)
+        off = increment.norm()
         far = increment.norm(3) > max(FAR * expected, FAR_AT_LEAST * self.solver.system.size)
         increment.waxpy(-1.0, u, trial)
         moved = increment.norm(3)
-        predicted.destroy()
+        usual.destroy()
         increment.destroy()
-        return Attempt(result, far, result.refusal, expected, moved)
+        return Attempt(result, far, result.refusal, expected, moved, off)
 
     def _to_be_halved(self, attempt: Attempt, position: StepperState, target: float) -> bool:
         """Whether a step leads so far that a shorter one should tell whether the branch goes there.
@@ -350,20 +376,41 @@ class LoadStepper:
         usual = max(FAR * position.rate * taken, FAR_AT_LEAST * self.solver.system.size)
         return attempt.far or (position.time < position.far_at and attempt.moved > usual)
 
-    def _extrapolate(self, u: Vec, states: States, trial: Vec, target: float) -> bool:
-        """Extrapolate with the highest order that keeps J > 0, into ``trial``; whether there is one."""
-        control = self.path.vector(self.path.at(target))
-        increment = u.duplicate()
-        try:
-            for order in states.orders(control):
-                if order <= self.options.order:
-                    states.extrapolate(control, order, trial)
-                    increment.waxpy(-1.0, u, trial)
-                    if self.solver.is_admissible(u, increment):
-                        return True
-            return False
-        finally:
-            increment.destroy()
+    def _tangent(self, u: Vec, states: States, trial: Vec, target: float, tried: int) -> bool:
+        """Predict along the tangent, into ``trial``, where extrapolation of another order was tried; whether J > 0."""
+        point, control = self.path.vector(self.path.at(target)), self._control(target)
+        if not states.knows_slope(point):
+            return self.solver.predict(u, control, trial)
+        if tried < 2 or not extrapolate(self.solver, u, states, point, 1, trial):
+            return False  # it has been tried, or inverts cells
+        self.solver.set_prescribed(trial, control)
+        return True
+
+    def _slope(self, u: Vec, residual: Vec, time: float) -> Slope | None:
+        """Slope of a state that Newton's method has just converged to; None where it is of no use."""
+        if not self.options.slopes or self.friction.is_there or self.path.is_kink(time) or time > self.path.end - DONE:
+            return None
+        ahead = self._control(time + SMALL_WAY)
+        rate = slope_of(self.solver, u, residual, ahead)
+        here = self._control(time)
+        if rate is None:
+            return None
+        return Slope((self.path.vector(ahead) - self.path.vector(here)) / SMALL_WAY, rate)
+
+    def _foreseen(self, u: Vec, states: States, position: StepperState) -> float:
+        """Time that a step leads to, which is shorter than its size where extrapolation is not to be relied on."""
+        time, target = position.time, self._sizes.target(position.time, position.size)
+        if self.options.steps or self.friction.is_there or not self.options.foresee:
+            return target
+        for _ in range(CUTS):
+            point = self.path.vector(self.path.at(target))
+            part = reliable(self.solver, u, states, point, self.options.order, position.bend)
+            size = part * (target - time)
+            shorter = self._sizes.target(time, size)
+            if part == 1.0 or size < JUMP * self.options.smallest or shorter >= target:
+                break
+            target = shorter
+        return target
 
     def _other_branch(self, u: Vec, trial: Vec, now: float, target: float) -> Attempt:
         """Look for an equilibrium at ``target`` that the branch followed so far does not lead to.
@@ -433,41 +480,6 @@ class LoadStepper:
             f"{reason}; smallest {worst}. Tried: steps down to {self.options.smallest:g} of the load, extrapolated and "
             f"tangent predictors, descent to another equilibrium{softened}. {remedy}"
         )
-
-    def _first_size(self, time: float) -> float:
-        if self.options.steps:
-            return self._equal_size(time)
-        return self.options.first
-
-    def _equal_size(self, time: float) -> float:
-        assert self.options.steps
-        leg = self.path.leg(time)
-        return float(self.path.times[leg + 1] - self.path.times[leg]) / self.options.steps
-
-    def _target(self, position: StepperState) -> float:
-        """Time that a step of the position's size leads to, cut where something must be hit."""
-        time, size = position.time, position.size
-        stop = self.path.next_stop(time)
-        if self.options.steps:  # the next equal step's end, unless the step was cut
-            start, equal = self.path.start_of_leg(time), self._equal_size(time)
-            number = int((time - start) / equal + 1e-9) + 1
-            following = min(stop, start + number * equal if number < self.options.steps else stop)
-            return following if time + size > following - DONE else time + size
-        if time + size > stop - 0.3 * size:  # no sliver of a last step
-            return stop
-        return time + size
-
-    def _next_size(self, position: StepperState, target: float, iterations: int, was_cut: bool) -> float:
-        options, taken = self.options, target - position.time
-        if options.steps:
-            return taken if was_cut else self._equal_size(target)
-        wanted = options.target_iterations
-        factor = options.growth if iterations < wanted else max(0.5, wanted / iterations)
-        if was_cut:
-            factor = min(factor, 1.0)
-        if taken < (1.0 - 1e-6) * position.size and iterations <= wanted:  # short only because something had to be hit
-            return position.size
-        return min(options.largest, taken * factor)
 
 
 def _suspicious(position: StepperState, attempt: Attempt, target: float) -> StepperState:
