@@ -330,10 +330,10 @@ GAPS = {
 
 
 @pytest.mark.parametrize("method", ["vem", "fem"])
-@pytest.mark.parametrize(("alpha_r", "gamma", "most", "steps"), [(1.0, 1e-5, 50, 17), (0.1, 1e-6, 100, 28)])
+@pytest.mark.parametrize(("alpha_r", "gamma", "most", "steps"), [(1.0, 1e-5, 53, 17), (0.1, 1e-6, 100, 28)])
 def test_iterations_of_the_box(method: str, alpha_r: float, gamma: float, most: int, steps: int) -> None:
     """The same state at full load as by hundreds of small steps, in steps as short as with extrapolation of states
-    alone, which takes 69 and 138 iterations in 18 and 32."""
+    alone, which takes 69 and 138 iterations in 18 and 32 (virtual elements; they now take 50 and 86)."""
     if method == "fem":
         pytest.importorskip("dolfinx")
     problem = Box(medium=Medium(gamma=gamma, alpha_r=alpha_r))

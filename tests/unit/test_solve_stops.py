@@ -107,21 +107,6 @@ def test_a_tangent_serves_twice_after_a_small_correction(
     assert (result.converged, len(result.iterations), system.tangents) == (True, 4, tangents)
 
 
-@pytest.mark.parametrize(
-    ("tolerance", "reuse", "iterations"), [(9.7e-6, 0.0, 2), (9.5e-6, 0.0, 3), (1e-4, 0.0, 2), (9.7e-6, 0.1, 3)]
-)
-def test_a_correction_that_is_expected_need_not_be_computed(tolerance: float, reuse: float, iterations: int) -> None:
-    """Gradient 2 y + 2 y^2 with y = x - 1/2: y becomes y^2 / (1 + 2 y), so that 1e-2, 9.804e-5 and 9.61e-9 is the way.
-    The third correction is known after the second, 1e-4 long, if both have had tangents of their own."""
-    quadratic = Spring(
-        energy=lambda x, d: (x - 0.5) ** 2 + 2.0 / 3.0 * (x - 0.5) ** 3,
-        gradient=lambda x, d: (2.0 * (x - 0.5) + 2.0 * (x - 0.5) ** 2, 1.0),
-        hessian=lambda x, d: (2.0 + 4.0 * (x - 0.5), 0.0, 1.0),
-    )
-    result, _ = solved(quadratic, 0.51, residual=1.0, correction=tolerance, reuse=reuse)
-    assert (result.converged, len(result.iterations)) == (True, iterations)
-
-
 def test_a_line_search_that_finds_nothing_puts_the_state_back() -> None:
     """The energy rises along what its gradient calls downhill."""
     system = Spring(energy=lambda x, d: x)

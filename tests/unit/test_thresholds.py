@@ -22,7 +22,7 @@ THRESHOLDS: dict[str, dict[str, Any]] = {
     "solve.newton": {
         "TO_THE_BOUNDARY": 0.9, "ARMIJO": 1e-4, "SHORTEST_STEP": 1e-4, "STALLED": 0.3, "NEAR_EQUILIBRIUM": 1e-4,
         "SMALLEST_SHIFT": 1e-9, "LARGEST_SHIFT": 10.0, "ENERGY_ROUNDING": 1e-12, "SMALLEST_REACTION": 1e-6,
-        "EXPECTED": 1e-3, "SLOWER": 2.0,
+        "SLOWER": 2.0,
     },
     "solve.stepping": {
         "JUMP": 100.0, "FAR": 3.0, "FAR_AT_LEAST": 1e-3, "DETOURS": (10.0, 100.0),

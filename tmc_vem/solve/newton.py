@@ -7,7 +7,7 @@ its line search gives up on NaN instead of shortening the step.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -25,8 +25,6 @@ TO_THE_BOUNDARY = 0.9
 # Sufficient decrease of the potential, as a fraction of what the slope promises (Armijo).
 ARMIJO = 1e-4
 SHORTEST_STEP = 1e-4
-# Part of the tolerance for corrections that the next one has to be below where it is expected and not computed.
-EXPECTED = 1e-3
 # By how much more slowly the residual falls with the tangent of the iteration before, than the last one fell.
 SLOWER = 2.0
 STALLED = 0.3  # a residual above this fraction of the one before, where Newton converges quadratically, does not fall
@@ -52,8 +50,7 @@ class NewtonOptions:
     Attributes:
         residual: largest norm of the residual at free degrees of freedom, relative to the norm with the reactions.
         correction: largest entry of the last full Newton correction, relative to the size of the domain. As the
-            iteration converges quadratically, the error left is far below it; two full corrections that say the next
-            one will be below a thousandth of this are as good.
+            iteration converges quadratically, the error left is about the square of it.
         stalled_residual: the same, for a residual that has stopped falling while the corrections are within their
             tolerance: what is left is rounding.
         reuse: correction, relative to the size of the domain, from which on the next iteration takes the tangent and
@@ -246,10 +243,7 @@ class NewtonSolver:
                 STALLED * before * reference <= residual <= self.options.stalled_residual * reference
             )
             full = step == 1.0 and damping == 0.0
-            close = correction <= self.options.correction or (
-                not (reused or slips) and _next_correction(iterations) <= EXPECTED * self.options.correction
-            )
-            if small and full and close and not (minimise and pivots):
+            if small and full and correction <= self.options.correction and not (minimise and pivots):
                 return self.converged(u, evaluation, tuple(iterations), pivots)
             if len(iterations) >= limit:
                 reason = f"no convergence in {limit} iterations (residual {residual / reference:.1e})"
@@ -467,14 +461,6 @@ class NewtonSolver:
 
     def _clear_constrained(self, vector: Vec) -> None:
         vector.getArray()[self._constrained] = 0.0
-
-
-def _next_correction(iterations: Sequence[Iteration]) -> float:
-    """Relative correction that is expected after two full ones, by their quadratic convergence."""
-    if len(iterations) < 2 or any(iteration.step < 1.0 for iteration in iterations[-2:]):
-        return math.inf
-    before, last = (iteration.correction for iteration in iterations[-2:])
-    return last * (last / before) ** 2 if before > 0.0 else math.inf
 
 
 def _damping(before: float, step: float) -> float:
