@@ -78,6 +78,7 @@ def test_the_state_of_a_run_at_its_probes_and_outside(state: Any, result: RunRes
     probes = np.array([[1.0, 0.4], [1.0, 0.1]])
     top, bottom = probes + displacement_at(system, u, probes)
     assert np.hypot(*(top - bottom)) == pytest.approx(result.gap, rel=1e-3)
+    assert displacement_at(system, u, np.array([[1.0, 0.5]]))[0, 1] == pytest.approx(-0.1, abs=1e-15)  # no slope
     with pytest.raises(InputError, match=r"\(2.5, 0.1\) lies 0.5 outside"):
         displacement_at(system, u, np.array([[2.5, 0.1]]))
 

@@ -41,8 +41,9 @@ def last_state(
 
     system = discretise(problem, options or RunOptions(), MPI.COMM_WORLD)
     u = system.create_vector()
-    state = Checkpoint.read(Path(directory)).values_at(system.node_labels())[-1]  # the newest is last
-    u.getArray()[:] = state.ravel()
+    checkpoint = Checkpoint.read(Path(directory))
+    last = len(checkpoint.facts["controls"]) - 1  # slopes, and what else a run goes on with, come after the states
+    u.getArray()[:] = checkpoint.values_at(system.node_labels())[last].ravel()
     return system, u
 
 

@@ -55,9 +55,9 @@ static void smooth_gradient(const smooth_sums *sums, const vec *m_j, int stride,
     }
 }
 
-static void smooth_forces(smooth_sums *sums, vec w, const vec *m_j, int stride, const vec *g_ri) {
+static void smooth_forces(smooth_sums *sums, const vec *w, const vec *m_j, int stride, const vec *g_ri) {
   for (int j = 0; j < SMOOTH_MONOMIALS; ++j) {
-    const vec weight = w * m_j[j * stride];
+    const vec weight = *w * m_j[j * stride];
     for (int r = 0; r < N_ROWS - N_FIRST_ROWS; ++r)
       for (int i = 0; i < N_COMPONENTS; ++i)
         sums->forces_ri[SMOOTH_MONOMIALS * r + j][i] += weight * g_ri[N_F + N_COMPONENTS * r + i];
@@ -65,16 +65,16 @@ static void smooth_forces(smooth_sums *sums, vec w, const vec *m_j, int stride, 
 }
 
 /* The Hessian at point p of those that are summed next. */
-static void smooth_hessian(smooth_sums *sums, int p, vec w, const vec *m_j, int stride, const vec *h) {
+static void smooth_hessian(smooth_sums *sums, int p, const vec *w, const vec *m_j, int stride, const vec *h) {
   for (int k = 0; k < 4; ++k)
     for (int r = 0; r < N_FIRST_ROWS; ++r)
       for (int s = 0; s < N_ROWS - N_FIRST_ROWS; ++s) {
-        const vec entry = w * h[hessian_index(N_F + 2 * s + k / 2, 2 * r + k % 2)];
+        const vec entry = *w * h[hessian_index(N_F + 2 * s + k / 2, 2 * r + k % 2)];
         for (int j = 0; j < SMOOTH_MONOMIALS; ++j)
           sums->left_kmr[k][N_FIRST_ROWS * p + r][SMOOTH_MONOMIALS * s + j] = entry * m_j[j * stride];
       }
   for (int e = 0, a = 0; a < N_G; ++a)
-    for (int b = a; b < N_G; ++b, ++e) sums->entries_qe[p][e] = w * h[packed(N_F + a, N_F + b)];
+    for (int b = a; b < N_G; ++b, ++e) sums->entries_qe[p][e] = *w * h[packed(N_F + a, N_F + b)];
   for (int c = 0, j = 0; j < SMOOTH_MONOMIALS; ++j)
     for (int l = j; l < SMOOTH_MONOMIALS; ++l, ++c) sums->pairs_qp[p][c] = m_j[j * stride] * m_j[l * stride];
 }

@@ -195,9 +195,9 @@ static int64_t cells_with_tangent(const tmc_batch *batch, const double *u_ni, co
         energy += *w * at.psi;
         if (apart) {
           if (residual_ni) add_forces(N_FIRST_ROWS, n, w, at.g, B_ra, work.R_ai);
-          if (residual_ni) smooth_forces(&sums, *w, m_j, n_q, at.g);
+          if (residual_ni) smooth_forces(&sums, w, m_j, n_q, at.g);
           material_rows(N_FIRST_ROWS, n, w, h, B_ra, D_ra, block);
-          smooth_hessian(&sums, q - q0, *w, m_j, n_q, h);
+          smooth_hessian(&sums, q - q0, w, m_j, n_q, h);
         } else {
           if (residual_ni) add_forces(N_ROWS, n, w, at.g, B_ra, work.R_ai);
           material_rows(N_ROWS, n, w, h, B_ra, D_ra, block);
