@@ -31,10 +31,13 @@ from tmc_vem.mesh.spread.distribute import distribute
 from tmc_vem.support.memory import reuse_freed
 from tmc_vem.vem.kernel.batch import Tangents
 from tmc_vem.vem.kernel.driver import CELL_DRIVER
+from tmc_vem.vem.spaces.spaces import N_FIRST_ROWS
 from tmc_vem.vem.system import VemSystem
 
 LANES = LAYOUT.lanes
 CELLS = {"quadrilateral": (9, 16), "pentagon": (11, 30), "hexagon": (13, 36), "heptagon": (15, 42)}  # functions, points
+# Composite functions: rows at points are those of the first gradient alone, and second gradients are summed apart.
+COMPOSITE = ("hexagon", "heptagon")
 
 # Appended to the kernel, whose functions are static. Seconds for eight cells, once a repetition.
 TIMED = """
@@ -44,12 +47,13 @@ static double now(void) {
   clock_gettime(CLOCK_MONOTONIC, &t);
   return t.tv_sec + 1e-9 * t.tv_nsec;
 }
-void benchmark(int n, int n_q, int repeats, const double *x, const double *parameters, double *seconds) {
+ALWAYS_INLINE void timed(const int n_rows, int n, int n_q, int repeats, const double *x, const double *parameters,
+                         double *seconds) {
   workspace work;
   int32_t piece[128] = {0};
   const tmc_batch batch = {.n_basis = n, .n_points = n_q, .n_pieces = 1, .piece_q = piece};
   if (!allocate(&work, &batch, 1)) return;
-  const size_t rows = (size_t)n_q * N_ROWS * n, block = (size_t)POINTS_AT_ONCE * N_ROWS * n;
+  const size_t rows = (size_t)n_q * n_rows * n, block = (size_t)POINTS_AT_ONCE * n_rows * n;
   for (size_t i = 0; i < rows; ++i) work.B_qra[i] = (vec){0.0} + 1e-3 * (double)(i % 17);
   static state at;
   static vec h[N_H];
@@ -64,14 +68,21 @@ void benchmark(int n, int n_q, int repeats, const double *x, const double *param
           if (part == 0)
             point_tangent((const_lanes)at.x, parameters, (double *)&at.psi, (lanes)at.g, (lanes)h);
           if (part == 1)
-            material_rows(n, &w, h, work.B_qra + (size_t)q * N_ROWS * n,
-                          work.D_kqra + (size_t)(q - q0) * N_ROWS * n, block);
+            material_rows(n_rows, n, &w, h, work.B_qra + (size_t)q * n_rows * n,
+                          work.D_kqra + (size_t)(q - q0) * n_rows * n, block);
         }
-        if (part == 2) contract(n, (end - q0) * N_ROWS, work.B_qra + (size_t)q0 * N_ROWS * n, work.D_kqra, work.K_kab);
+        if (part == 2)
+          contract(n, (end - q0) * n_rows, work.B_qra + (size_t)q0 * n_rows * n, work.D_kqra, block, work.K_kab);
       }
     seconds[part] = (now() - start) / repeats;
   }
   free(work.allocated);
+}
+void benchmark(int first, int n, int n_q, int repeats, const double *x, const double *parameters, double *seconds) {
+  if (first)
+    timed(N_FIRST_ROWS, n, n_q, repeats, x, parameters, seconds);
+  else
+    timed(N_ROWS, n, n_q, repeats, x, parameters, seconds);
 }
 """
 
@@ -92,16 +103,17 @@ def build(source: KernelSource, directory: Path) -> ctypes.CDLL:
     return ctypes.CDLL(str(output))
 
 
-def parts(library: ctypes.CDLL, source: KernelSource, n: int, n_q: int) -> dict[str, dict[str, float]]:
+def parts(library: ctypes.CDLL, source: KernelSource, cell: str) -> dict[str, dict[str, float]]:
     """Operations and seconds a cell of the point kernel, the product w D B and the contraction; best of ten."""
-    rows = source.n_rows
+    n, n_q = CELLS[cell]
+    rows = N_FIRST_ROWS if cell in COMPOSITE else source.n_rows
     x = np.ascontiguousarray(np.random.default_rng(0).normal(scale=0.05, size=(LAYOUT.n_inputs, LANES)))
     parameters = np.array([VALUES[name] for name in source.parameters])
     best = np.full(3, np.inf)
     for _ in range(10):
         seconds = np.zeros(3)
         pointer = (ctypes.c_void_p(a.ctypes.data) for a in (x, parameters, seconds))
-        library.benchmark(n, n_q, 40, *pointer)
+        library.benchmark(cell in COMPOSITE, n, n_q, 40, *pointer)
         best = np.minimum(best, seconds / LANES)
     operations = (
         n_q * source.operations["tangent"],
@@ -113,6 +125,19 @@ def parts(library: ctypes.CDLL, source: KernelSource, n: int, n_q: int) -> dict[
         label: {"flops": float(flops), "seconds": float(time), "gflops": flops / time / 1e9}
         for label, flops, time in zip(labels, operations, best, strict=True)
     }
+
+
+def products(rows: int, n: int, n_q: int, composite: bool) -> int:
+    """Multiplications and additions, in pairs, of a cell's tangent beside the point kernel; see smooth.c for composite
+    functions with second gradients."""
+    apart = composite and rows > N_FIRST_ROWS
+    at_points, half_and_whole = N_FIRST_ROWS if apart else rows, n * (n + 1) + n * n
+    total = n_q * (at_points * half_and_whole + 3 * at_points**2 * n)
+    if not apart:
+        return total
+    n_moments, n_entries, n_pairs = 3 * (rows - N_FIRST_ROWS), 36, 6
+    total += n_q * (4 * n_moments * N_FIRST_ROWS * n + n_entries * n_pairs)
+    return total + 3 * n_moments**2 * n + 2 * n_moments * half_and_whole
 
 
 def dgemm() -> float:
@@ -139,8 +164,9 @@ def whole_tangent(kind: str, name: str) -> dict[str, float]:
     rows = source.n_rows
     for block in system.blocks:
         n, n_q, cells = block.batch.n_basis, block.batch.n_points, len(block.cells)
-        terms = rows * (n * (n + 1) + n * n) + 3 * rows * rows * n
-        flops += cells * n_q * (2.0 * terms + source.operations["tangent"])
+        flops += cells * (
+            2.0 * products(rows, n, n_q, block.batch.pieces is not None) + n_q * source.operations["tangent"]
+        )
         positions = Tangents(None, None, np.empty((cells, n, n), dtype=np.int32))
         assert positions.position_cab is not None
         n_bytes += block.batch.nbytes + positions.position_cab.nbytes
@@ -165,7 +191,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as scratch:
             library = build(source, Path(scratch))
             for cell, (n, n_q) in CELLS.items():
-                found = parts(library, source, n, n_q)
+                found = parts(library, source, cell)
                 results["parts"][f"{name}, {cell}"] = found
                 cells = [f"{p['gflops']:.1f} ({100 * p['gflops'] / peak:.0f} %)" for p in found.values()]
                 rows.append((f"{name}, {cell}, {n} functions, {n_q} points", *cells))

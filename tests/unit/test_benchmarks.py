@@ -39,7 +39,7 @@ def test_point_functions_are_timed(benchmark_module, tmp_path):
 def test_parts_of_the_driver_are_timed(benchmark_module, tmp_path):
     module = benchmark_module("kernel_rates")
     source = module.generated("huhu_lulu")
-    found = module.parts(module.build(source, tmp_path), source, 9, 16)
+    found = module.parts(module.build(source, tmp_path), source, "quadrilateral")
     assert set(found) == {"point kernel", "w D B", "contraction"}
     assert all(part["flops"] > 0.0 and part["seconds"] > 0.0 for part in found.values())
     # six rows of nine functions: upper triangles of two blocks and a full one; a product and its sum are two operations
