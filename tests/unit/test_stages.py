@@ -91,7 +91,7 @@ def test_a_run_is_resumed_within_a_stage_bit_for_bit(where: Path, tmp_path: Path
     problem = problem_of(where, TEXT)
     whole = run(problem, options=RunOptions(method, steps=2))
     done = 0
-    for stop in (5, 3, 3, 3, None):  # iterations, of each part
+    for stop in (5, 4, 4, 4, None):  # iterations, of each part
         part = run(problem, tmp_path / "out", RunOptions(method, steps=2, max_iterations=stop), resume=done > 0)
         assert (part.cut_short, part.steps > done) == (stop is not None, True)
         done = part.steps
