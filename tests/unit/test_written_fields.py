@@ -160,7 +160,8 @@ def test_a_run_goes_on_with_all_that_its_checkpoint_has(tmp_path: Path, monkeypa
     step = StepRecord(1, 0.5, 0.0, {}, 0.0, 1, 0, 0, {"s": 0.5}, {"s": 1.0}, 0, False, 3.5, 0.5)
     history = [step, replace(step, step=2, seconds=7.5)]
     facts = {
-        "inputs": {"a": 1}, "controls": [[0.25], [0.5]], "slopes": [None, None], "history": [dict(vars(record)) for record in history],
+        "inputs": {"a": 1}, "controls": [[0.25], [0.5]], "slopes": [None, None],
+        "history": [dict(vars(record)) for record in history],
         "snapshots": [[0.5, ["x.vtu"]]], "stage": 1, "slip": [[1.0], [2.0]],
         "position": {"time": 0.5, "size": 0.125, "number": 2, "stiffer": [[0.25, 10.0]], "far_at": 0.75, "rate": 1.5},
     }  # fmt: skip
