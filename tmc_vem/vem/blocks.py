@@ -24,7 +24,7 @@ from tmc_vem.vem.spaces import monomials
 from tmc_vem.vem.spaces.element import ElementGroup
 from tmc_vem.vem.spaces.piecewise import PiecewiseGradients
 from tmc_vem.vem.spaces.projector import n_translated_dofs
-from tmc_vem.vem.spaces.spaces import Gradients, ProjectedGradients
+from tmc_vem.vem.spaces.spaces import Gradients, ProjectedGradients, second_rows
 from tmc_vem.vem.spaces.tabulated import Tables
 
 Float = NDArray[np.float64]
@@ -101,6 +101,12 @@ class Block:
         h_s, xi_sqx = 1.0 / self.batch.inverse_h_s[shapes], self.batch.points(shapes)[0]
         return self.batch.gradients(shapes).rows(h_s, xi_sqx, self.batch.piece_q, n_rows)[position]
 
+    def second_rows(self, chosen: slice = slice(None)) -> Float:
+        """The last four of these rows, (n_cells, n_points, 4, n_basis)."""
+        shapes, position = np.unique(self.batch.shape_c[chosen], return_inverse=True)
+        second_sxma, h_s = self.batch.gradients(shapes).second_sxma, 1.0 / self.batch.inverse_h_s[shapes]
+        return second_rows(second_sxma, h_s, self.batch.points(shapes)[0])[position]
+
     def displacement_gradients(self, u_ni: Float, chosen: slice = slice(None)) -> Float:
         """Projected gradients (n_cells, n_points, 2, 2) at displacements (n_nodes, 2) of the nodes; [..., x, i] is the
         derivative of component i with respect to x.
@@ -110,8 +116,9 @@ class Block:
         shapes, position = np.unique(self.batch.shape_c[chosen], return_inverse=True)
         position = position if len(shapes) > 1 else np.zeros(1, dtype=np.int64)  # one shape is not copied for each cell
         gradients = self.batch.gradients(shapes)
-        values = gradients.values(self.batch.points(shapes)[0])[position]
-        return self._at(gradients.take(position), u_ni[self.batch.nodes_ca[chosen]], values)
+        values = self.batch.values(shapes, gradients)
+        at_points = values if len(values) == 1 else values[position]
+        return self._at(gradients.take(position), u_ni[self.batch.nodes_ca[chosen]], at_points)
 
     def gradients_at(self, u_ni: Float, cells: Int, xi_cqx: Float) -> Float:
         """The same at other points (n_cells, n_points, 2), in scaled coordinates, of the cells at some positions; where

@@ -35,7 +35,7 @@ def point_states(blocks: Sequence[Block], mesh: PolygonMesh, u_ni: Float) -> Ite
 def _second_gradients(block: Block, u_ni: Float, chosen: slice) -> Float:
     """(n_cells, n_points, 2, 2, 2) second gradients; rows 2 to 5 of the basis are d1 d1, d2 d1, d1 d2 and d2 d2."""
     u_cai = u_ni[block.batch.nodes_ca[chosen]]
-    rows_cqra = block.rows(6, chosen)[:, :, 2:]
+    rows_cqra = block.second_rows(chosen)
     n_cells, n_points = rows_cqra.shape[:2]
     rows_cqri = (rows_cqra.reshape(n_cells, n_points * 4, -1) @ u_cai).reshape(n_cells, n_points, 2, 2, 2)
     G: Float = rows_cqri.transpose(0, 1, 4, 3, 2)  # k, j, i -> i, j, k

@@ -205,6 +205,11 @@ class CellBatch:
         corners, h_s = self._of(self.corners_sp, shapes), 1.0 / self.inverse_h_s[shapes]
         return PiecewiseGradients(first, corners, h_s, self.pieces.topology, second)
 
+    def values(self, shapes: NDArray[Any], gradients: ProjectedGradients) -> Array:
+        """The polynomials of gradients at quadrature points of some shapes, see :class:`ProjectedGradients`; once for all
+        shapes and pieces (1, 1, n, dim P_k) where they are the same."""
+        return gradients.values(self.points(shapes)[0]) if self.pieces is None else self.pieces.values_qm[None, None]
+
     @staticmethod
     def _of(values_sp: Array, shapes: NDArray[Any]) -> Array:
         chosen: Array = values_sp[shapes // LANES, ..., shapes % LANES]

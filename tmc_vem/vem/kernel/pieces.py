@@ -36,12 +36,16 @@ class Pieces:
         return n_corners, n_boundary, n_inside, topology.order + 1, len(self.rule.w_q)
 
     @cached_property
+    def values_qm(self) -> Array:
+        """(n, dim P_k) Bernstein polynomials at the points of every sub-triangle."""
+        return bernstein(self.topology.order, self.rule.barycentric_qp)
+
+    @cached_property
     def arrays(self) -> tuple[NDArray[Any], ...]:
         """``corner_tp`` to ``bernstein_mq`` of ``tmc_batch``; slopes have the factor k + 1 in C."""
         topology, rule = self.topology, self.rule
         trace_bj, trace_value_bj = topology.traces
         integers = (topology.corners_tp, topology.raised_tmp, trace_bj)
         corner_tp, raised_tmp, trace_bj32 = (np.ascontiguousarray(a, dtype=np.int32) for a in integers)
-        values = bernstein(topology.order, rule.barycentric_qp).T
-        reals = (trace_value_bj, rule.barycentric_qp, rule.w_q, values)
+        reals = (trace_value_bj, rule.barycentric_qp, rule.w_q, self.values_qm.T)
         return (corner_tp, raised_tmp, trace_bj32, *(np.ascontiguousarray(a, dtype=np.float64) for a in reals))
