@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers_mesh import SHAPES, SQUARE_IN_THREE, grid, hanging, mesh_of, voronoi
+from helpers_mesh import SHAPES, SQUARE_IN_THREE, grid, hanging, mesh_of, regular, voronoi
 from helpers_oracle import Oracle, powers
 
 from tmc_vem.support.errors import InputError
@@ -113,6 +113,15 @@ def test_cells_without_any_degree_are_refused():
         )
     with pytest.raises(InputError, match=r"cell 0 has 7 vertices"):
         build_elements(mesh_of(SHAPES["square, three hanging nodes on one edge"]), ElementSettings(order=3, degree=4))
+
+
+def test_no_degree_is_even_tried_on_very_many_sides():
+    """(40) asks for l > 8 from 18 sides on."""
+    for n_sides in (18, 40):
+        with pytest.raises(InputError, match=rf"cell 0 has {n_sides} vertices and spurious modes for every l up to 8"):
+            build_elements(mesh_of(regular(n_sides)), ElementSettings(projection="full"))
+        (group,) = build_elements(mesh_of(regular(n_sides)), ElementSettings())
+        assert group.projection == "composite"
 
 
 @pytest.mark.parametrize("stretch", [1.0, 3.0, 30.0, 200.0])

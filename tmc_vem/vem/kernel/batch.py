@@ -206,8 +206,8 @@ class CellBatch:
         return PiecewiseGradients(first, corners, h_s, self.pieces.topology, second)
 
     def values(self, shapes: NDArray[Any], gradients: ProjectedGradients) -> Array:
-        """The polynomials of gradients at quadrature points of some shapes, see :class:`ProjectedGradients`; once for all
-        shapes and pieces (1, 1, n, dim P_k) where they are the same."""
+        """The polynomials of gradients at quadrature points of some shapes, see :class:`ProjectedGradients`; once,
+        (1, 1, n, dim P_k), for all shapes and pieces where they are the same."""
         return gradients.values(self.points(shapes)[0]) if self.pieces is None else self.pieces.values_qm[None, None]
 
     @staticmethod

@@ -174,7 +174,8 @@ def _choose_space(
     k, n_sides = settings.order, shapes.shape[1]
     pending = np.arange(len(shapes))
     to_try = candidates(settings, n_sides)
-    known = Shapes.of(shapes, triangles, k, max(k, min(k + 1, max(space.degree for space, _ in to_try))))
+    largest = max((space.degree for space, _ in to_try), default=k)  # there may be none for many sides
+    known = Shapes.of(shapes, triangles, k, max(k, min(k + 1, largest)))
     test = StabilityTest(known)
     for space, least in to_try:
         rule = cell_rule(settings, space, shapes[pending], triangles[pending])
