@@ -97,7 +97,9 @@ def values_by_gamma(name: str) -> list[dict[str, Any]]:
             *(r for f in factors[1:] for r in below if np.isclose(r.parameters["gamma"], f * GAMMA, rtol=1e-9)),
         ]
         stable = list(itertools.takewhile(lambda record: not (record.negative_pivots or record.jumped), at))
-        values = {key: [reported(record)[key] for record in stable] for key in reported(start)}
+        said = [reported(record) for record in stable]
+        everywhere = [key for key in reported(start) if all(key in record for record in said)]
+        values = {key: [record[key] for record in said] for key in everywhere}
         if below:
             found.append({"load": start.load, "values": values})
     return found
