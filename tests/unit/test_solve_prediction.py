@@ -330,8 +330,11 @@ GAPS = {
 
 
 @pytest.mark.parametrize("method", ["vem", "fem"])
-@pytest.mark.parametrize(("alpha_r", "gamma", "most", "steps"), [(1.0, 1e-5, 53, 17), (0.1, 1e-6, 100, 28)])
-def test_iterations_of_the_box(method: str, alpha_r: float, gamma: float, most: int, steps: int) -> None:
+@pytest.mark.parametrize(
+    ("alpha_r", "gamma", "most", "steps"),
+    [(1.0, 1e-5, {"vem": 50, "fem": 53}, 17), (0.1, 1e-6, {"vem": 86, "fem": 100}, 28)],
+)
+def test_iterations_of_the_box(method: str, alpha_r: float, gamma: float, most: dict[str, int], steps: int) -> None:
     """The same state at full load as by hundreds of small steps, in steps as short as with extrapolation of states
     alone, which takes 69 and 138 iterations in 18 and 32 (virtual elements; they now take 50 and 86)."""
     if method == "fem":
@@ -342,7 +345,7 @@ def test_iterations_of_the_box(method: str, alpha_r: float, gamma: float, most: 
     u = solver.system.create_vector()
     stepper = LoadStepper(solver, SteppingOptions(), lambda step, *_: taken.append(step))
     assert stepper.run(u).complete
-    assert solver.iterations_done <= most
+    assert solver.iterations_done <= most[method]
     assert len(taken) >= steps
     system: Any = solver.system
     names = ("flange_top", "flange_bottom")
