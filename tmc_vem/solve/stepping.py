@@ -327,12 +327,12 @@ class LoadStepper:
         order = extrapolate(self.solver, u, states, point, self.options.order, trial)
         if order:
             self.solver.set_prescribed(trial, control)
-            # slopes grow without limit where a branch ends, and would predict any other one
             usual = trial.copy()
-            if extrapolate(self.solver, u, states, point, self.options.order, usual, slopes=False):
-                self.solver.set_prescribed(usual, control)
-            else:
-                trial.copy(usual)
+            if any(states.slopes):  # they grow without limit where a branch ends, and would predict any other one
+                if extrapolate(self.solver, u, states, point, self.options.order, usual, slopes=False):
+                    self.solver.set_prescribed(usual, control)
+                else:
+                    trial.copy(usual)
             attempt = self._solve(u, trial, usual)
             if attempt.result.converged:
                 return attempt

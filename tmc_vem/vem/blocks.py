@@ -87,23 +87,31 @@ class Block:
 
     def weights(self, chosen: slice = slice(None)) -> Float:
         """Quadrature weights (n_cells, n_points)."""
-        shapes, position = np.unique(self.batch.shape_c[chosen], return_inverse=True)
-        return self.batch.points(shapes)[1][position]
+        return self.rule(chosen)[1]
 
     def scaled_points(self, chosen: slice = slice(None)) -> Float:
         """Quadrature points (n_cells, n_points, 2) in scaled coordinates."""
-        shapes, position = np.unique(self.batch.shape_c[chosen], return_inverse=True)
-        return self.batch.points(shapes)[0][position]
+        return self.rule(chosen)[0]
+
+    def rule(self, chosen: slice = slice(None)) -> tuple[Float, Float]:
+        """Both: points (n_cells, n_points, 2) in scaled coordinates, and weights (n_cells, n_points)."""
+        shapes, position = self._shapes(chosen)
+        points, weights = self.batch.points(shapes)
+        return points[position], weights[position]
+
+    def _shapes(self, chosen: slice) -> tuple[Int, Int]:
+        """Shapes of cells, each once, and which of them every cell has."""
+        return np.unique(self.batch.shape_c[chosen], return_inverse=True)
 
     def rows(self, n_rows: int, chosen: slice = slice(None)) -> Float:
         """Derivatives (n_cells, n_points, n_rows, n_basis) of the projected basis; 6 only if the energy has G."""
-        shapes, position = np.unique(self.batch.shape_c[chosen], return_inverse=True)
+        shapes, position = self._shapes(chosen)
         h_s, xi_sqx = 1.0 / self.batch.inverse_h_s[shapes], self.batch.points(shapes)[0]
         return self.batch.gradients(shapes).rows(h_s, xi_sqx, self.batch.piece_q, n_rows)[position]
 
     def second_rows(self, chosen: slice = slice(None)) -> Float:
         """The last four of these rows, (n_cells, n_points, 4, n_basis)."""
-        shapes, position = np.unique(self.batch.shape_c[chosen], return_inverse=True)
+        shapes, position = self._shapes(chosen)
         second_sxma, h_s = self.batch.gradients(shapes).second_sxma, 1.0 / self.batch.inverse_h_s[shapes]
         return second_rows(second_sxma, h_s, self.batch.points(shapes)[0])[position]
 
@@ -113,7 +121,7 @@ class Block:
 
         The polynomials of a displacement are made first, which is less work than the rows of the basis.
         """
-        shapes, position = np.unique(self.batch.shape_c[chosen], return_inverse=True)
+        shapes, position = self._shapes(chosen)
         position = position if len(shapes) > 1 else np.zeros(1, dtype=np.int64)  # one shape is not copied for each cell
         gradients = self.batch.gradients(shapes)
         values = self.batch.values(shapes, gradients)

@@ -20,12 +20,13 @@ def point_states(blocks: Sequence[Block], mesh: PolygonMesh, u_ni: Float) -> Ite
     for block in blocks:
         for chosen in block.chunks():
             scale_c = 1.0 / block.batch.inverse_h_s[block.batch.shape_c[chosen]]
+            points_cqx, weights_cq = block.rule(chosen)
             centroid_cx = centroids(block.polygons(mesh, chosen))
             yield PointStates(
                 region=block.region,
                 cells=block.cells[chosen],
-                w_cq=block.weights(chosen),
-                X_cqx=centroid_cx[:, None] + scale_c[:, None, None] * block.scaled_points(chosen),
+                w_cq=weights_cq,
+                X_cqx=centroid_cx[:, None] + scale_c[:, None, None] * points_cqx,
                 F_cqij=np.eye(2) + np.swapaxes(block.displacement_gradients(u_ni, chosen), 2, 3),
                 G_cqijk=_second_gradients(block, u_ni, chosen) if block.kernel.uses_second_gradient else None,
                 parameters=_parameters(block, chosen),

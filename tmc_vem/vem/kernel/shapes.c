@@ -9,7 +9,7 @@ typedef struct {
   int32_t shape_v[LANES]; /* whose all of this is */
   int any;                /* whether it is anybody's yet */
   vec *u_ai, *R_ai;
-  /* Piecewise polynomials, see pieces.c. */
+  /* Piecewise polynomials, see polynomials.c. */
   vec *slope_tpx;      /* (k + 1) grad lambda_p of the second and third corner */
   vec *bernstein_mq;   /* the same in all lanes */
   vec *coefficient_bi; /* of the displacement */
@@ -22,7 +22,7 @@ typedef struct {
   vec *gradient_xma;   /* of piecewise polynomials on one piece */
   vec *B_qra;          /* derivative rows */
   vec *Z_krb;          /* sums of products with second gradients, see smooth.c */
-  vec *D_kqra;         /* w D B of the blocks k = xx, xy, yy for POINTS_AT_ONCE points */
+  vec *D_kqra;         /* w D B of the blocks k = xx, xy, yy for POINTS_AT_ONCE points, or SMOOTH_POINTS of smooth.c */
   vec *K_kab;          /* the tangent's blocks */
   vec *derivative_xma; /* coefficients of the four second derivatives */
   void *allocated;     /* all of the above that is not where the shapes have it */

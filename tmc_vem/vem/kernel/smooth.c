@@ -15,12 +15,16 @@ enum {
   SMOOTH_POINTS = 6                    /* that are summed at once */
 };
 
+_Static_assert(N_ROWS == N_FIRST_ROWS || SMOOTH_POINTS * N_FIRST_ROWS <= POINTS_AT_ONCE * N_ROWS,
+               "their products w D B have the room of those of all rows");
+
 /* Whether a batch takes this way; rows of the basis at points are then those of the first gradient alone. */
 static inline int is_smooth_apart(const tmc_batch *batch) {
   return N_ROWS > N_FIRST_ROWS && is_piecewise(batch) && batch->n_lower == SMOOTH_MONOMIALS;
 }
 
-/* What is summed over the points of LANES cells. */
+/* What is summed over the points of LANES cells. Sizes are one more than is used, as there are energies without second
+ * gradients, and C has no empty arrays. */
 typedef struct {
   vec left_kmr[4][SMOOTH_POINTS * N_FIRST_ROWS][SMOOTH_ROWS + 1]; /* w m_j D_gf at some points, blocks xx, xy, yx, yy */
   vec entries_qe[SMOOTH_POINTS][SMOOTH_ENTRIES + 1], pairs_qp[SMOOTH_POINTS][SMOOTH_PAIRS];
